@@ -1,0 +1,22 @@
+//! `neubrdf`: a Vulkan path tracer for OBJ scenes that proves its radiance against an Embree CPU reference.
+//!
+//! The rooms, and which way they may look (each knows only those below it):
+//!
+//! | room | holds |
+//! |---|---|
+//! | [`converge`] | error metrics and statistical tests over pictures |
+//! | [`render`] | the wavefront path tracer on Vulkan: queues, film, checkpoints |
+//! | [`reference`](crate::reference) | the Embree CPU path tracer (cargo feature `embree`) |
+//! | [`material`] | what a surface does, on the CPU, in `f64`, as text-book definitions |
+//! | [`scene`] | what is rendered: meshes, materials, lights, camera; all validation of input |
+//! | [`gpu`] | Vulkan and nothing but Vulkan |
+//! | [`image`] | pictures in memory and on disk |
+
+pub mod converge;
+pub mod gpu;
+pub mod image;
+pub mod material;
+#[cfg(feature = "embree")]
+pub mod reference;
+pub mod render;
+pub mod scene;

@@ -1,0 +1,3 @@
+//! The `neubrdf` command.
+
+fn main() {}

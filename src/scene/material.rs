@@ -1,0 +1,90 @@
+//! What a scene says about its materials. What they do to light is `crate::material`.
+
+use glam::{Vec2, Vec3};
+
+/// A named material.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Material {
+    /// The OBJ material name.
+    pub name: String,
+    /// How it scatters.
+    pub surface: Surface,
+    /// Emitted radiance, W·sr⁻¹·m⁻², ≥ 0.
+    pub emission: Vec3,
+    /// Emits from the back of its triangles too.
+    pub emits_both_sides: bool,
+}
+
+/// A colour, optionally times a texture.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Color {
+    /// Linear Rec. 709, each in [0, 1].
+    pub value: Vec3,
+    /// Index into [`super::Scene::textures`].
+    pub texture: Option<u32>,
+}
+
+/// The scattering models. Roughness is GGX's α along the tangent and the bitangent; 0 is perfectly smooth. Every
+/// surface but [`Surface::Dielectric`] is opaque and looks the same from both sides.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Surface {
+    /// Lambertian.
+    Diffuse {
+        /// Reflectance.
+        albedo: Color,
+    },
+    /// GGX over a metal; a mirror where α is 0.
+    Conductor {
+        /// Its reflectance.
+        fresnel: Fresnel,
+        /// GGX α along u and v, in [0, 1].
+        alpha: Vec2,
+    },
+    /// Glass: the boundary of a solid whose outside is the front of its triangles.
+    Dielectric {
+        /// Index of refraction of the inside over that of the outside, in [0.1, 10].
+        ior: f32,
+        /// GGX α, in [0, 1].
+        alpha: f32,
+    },
+    /// A diffuse base under a dielectric coat.
+    Coated {
+        /// Reflectance of the base.
+        albedo: Color,
+        /// Index of refraction of the coat, in [1, 10].
+        ior: f32,
+        /// GGX α of the coat, in [0, 1].
+        alpha: f32,
+    },
+}
+
+/// The reflectance of a metal against the angle.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Fresnel {
+    /// Schlick's approximation from the reflectance at normal incidence.
+    Schlick {
+        /// Reflectance at normal incidence.
+        f0: Color,
+    },
+    /// The Fresnel equations with a complex index of refraction η + iκ.
+    Complex {
+        /// Real part, > 0.
+        eta: Vec3,
+        /// Extinction, ≥ 0.
+        kappa: Vec3,
+    },
+}
+
+impl Color {
+    /// A colour without a texture.
+    pub const fn constant(value: Vec3) -> Color {
+        Color { value, texture: None }
+    }
+}
+
+impl Material {
+    /// Whether its triangles are lights.
+    pub fn is_emissive(&self) -> bool {
+        self.emission != Vec3::ZERO
+    }
+}

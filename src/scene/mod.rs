@@ -1,0 +1,40 @@
+//! What is rendered: meshes and their instances, materials, lights, camera, film.
+//!
+//! A [`Scene`] is plain data in linear Rec. 709 RGB and world units, fully validated when it is loaded: every
+//! index in it is in range, every float finite, every image non-empty. Nothing here knows how it is rendered.
+//!
+//! Conventions: right-handed, y up, counter-clockwise triangles face their normal. Radiance is in
+//! W·sr⁻¹·m⁻² per channel.
+
+mod camera;
+mod light;
+mod material;
+mod mesh;
+mod texture;
+
+pub use camera::{Camera, Film, Lens};
+pub use light::{Environment, LightTable, Sun};
+pub use material::{Color, Fresnel, Material, Surface};
+pub use mesh::{Bounds, Instance, Mesh};
+pub use texture::Texture;
+
+/// Everything that a renderer needs to know about a scene.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Scene {
+    /// Where the picture is taken from.
+    pub camera: Camera,
+    /// Its size in pixels.
+    pub film: Film,
+    /// Geometry, each once.
+    pub meshes: Vec<Mesh>,
+    /// Where the meshes stand; at least one.
+    pub instances: Vec<Instance>,
+    /// What [`Mesh::materials`] indexes; at least one.
+    pub materials: Vec<Material>,
+    /// What [`Color::texture`] indexes.
+    pub textures: Vec<Texture>,
+    /// Light from infinitely far away, all around.
+    pub environment: Option<Environment>,
+    /// Light from infinitely far away, from one direction.
+    pub sun: Option<Sun>,
+}

@@ -1,0 +1,37 @@
+//! Textures: linear RGB at half precision, sampled bilinearly, repeated in both directions.
+
+use glam::{Vec2, Vec3};
+use half::f16;
+
+/// An image over (u, v), v up: texel (0, 0) is the image's upper left one.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Texture {
+    /// For messages.
+    pub name: String,
+    /// Texels across, ≥ 1.
+    pub width: u32,
+    /// Texels down, ≥ 1.
+    pub height: u32,
+    /// `width × height` linear Rec. 709 texels, row by row from the top; the fourth number is 1.
+    pub texels: Vec<[f16; 4]>,
+}
+
+impl Texture {
+    /// The bilinearly interpolated colour at a texture coordinate (texel centres at half-integers).
+    pub fn sample(&self, uv: Vec2) -> Vec3 {
+        let size = Vec2::new(self.width as f32, self.height as f32);
+        let wrapped = uv - uv.floor();
+        let position = Vec2::new(wrapped.x, 1.0 - wrapped.y) * size - 0.5;
+        let corner = position.floor();
+        let fraction = position - corner;
+        let texel = |dx: i32, dy: i32| {
+            let x = (corner.x as i32 + dx).rem_euclid(self.width as i32) as usize;
+            let y = (corner.y as i32 + dy).rem_euclid(self.height as i32) as usize;
+            let [red, green, blue, _] = self.texels[y * self.width as usize + x];
+            Vec3::new(red.to_f32(), green.to_f32(), blue.to_f32())
+        };
+        let upper = texel(0, 0).lerp(texel(1, 0), fraction.x);
+        let lower = texel(0, 1).lerp(texel(1, 1), fraction.x);
+        upper.lerp(lower, fraction.y)
+    }
+}
