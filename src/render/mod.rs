@@ -1,1 +1,5 @@
 //! render
+
+mod material_record;
+
+pub use material_record::{Family, MaterialRecord, MaterialTable, family};
