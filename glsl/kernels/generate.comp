@@ -18,7 +18,7 @@ void main() {
     SampleKey key = sample_key(pixel, first_sample + (slot - place * samples_per_pixel), seed);
     vec2 u_pixel = is_probe != 0u ? vec2(0.5) : sample_2d(key, DIMENSION_PIXEL);
     vec2 u_lens = is_probe != 0u ? vec2(0.5) : sample_2d(key, DIMENSION_LENS);
-    CameraRay ray = camera_ray(film.camera, vec2(pixel) + u_pixel, u_lens);
+    CameraRay ray = camera_ray(vec2(pixel) + u_pixel, u_lens);
     pool.origin.at[slot] = vec4(ray.origin, 0.0);
     pool.direction.at[slot] = vec4(ray.direction, 0.0);
     pool.throughput.at[slot] = vec4(1.0);

@@ -46,6 +46,7 @@ layout(buffer_reference, scalar, buffer_reference_align = 16) buffer PathPool {
     UIntArray queue;             // [queue][capacity]: path slots
     QueueCounterArray counters;  // [bounce][QUEUE_COUNT]
     uint capacity;               // slots
+    uint padding;
 };
 
 #endif

@@ -12,14 +12,15 @@ struct CameraRay {
     vec3 direction;
 };
 
-CameraRay camera_ray(CameraRecord camera, vec2 film_position, vec2 u_lens) {
-    vec3 direction = camera.corner + film_position.x * camera.right + film_position.y * camera.down;
+// From the film's camera through a place on the film, in pixels.
+CameraRay camera_ray(vec2 film_position, vec2 u_lens) {
+    vec3 direction = film.camera.corner + film_position.x * film.camera.right + film_position.y * film.camera.down;
     if (!HAS_LENS) {
-        return CameraRay(camera.eye, normalize(direction));
+        return CameraRay(film.camera.eye, normalize(direction));
     }
     vec2 lens = concentric_disk(u_lens);
-    vec3 offset = lens.x * camera.lens_right + lens.y * camera.lens_up;
-    return CameraRay(camera.eye + offset, normalize(direction * camera.focus_distance - offset));
+    vec3 offset = lens.x * film.camera.lens_right + lens.y * film.camera.lens_up;
+    return CameraRay(film.camera.eye + offset, normalize(direction * film.camera.focus_distance - offset));
 }
 
 #endif

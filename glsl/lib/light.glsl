@@ -4,13 +4,13 @@
 #define LIB_LIGHT
 
 #include "layout/scene.glsl"
+#include "lib/constants.glsl"
 
 layout(constant_id = 2) const bool HAS_EMITTERS = false;
 layout(constant_id = 3) const bool HAS_ENVIRONMENT = false;
 layout(constant_id = 4) const bool HAS_SUN = false;
 
 const bool HAS_LIGHTS = HAS_EMITTERS || HAS_ENVIRONMENT || HAS_SUN;
-const float TWO_PI = 6.28318530718;
 
 struct LightSample {
     vec3 to_light;   // from the shading point to the light, or just beyond the scene

@@ -52,11 +52,11 @@ ShadowRay light_sample(Surface surface, Bsdf bsdf, vec3 wo, vec3 throughput, Sam
 
 void pass_shade() {
     uint place = gl_GlobalInvocationID.x;
-    bool active = place < queue_length(bounce, QUEUE_SHADE + FAMILY);
+    bool has_path = place < queue_length(bounce, QUEUE_SHADE + FAMILY);
     uint slot = 0u;
     bool goes_on = false;
     ShadowRay shadow = ShadowRay(vec3(0.0), vec3(0.0), vec3(0.0));
-    if (active) {
+    if (has_path) {
         slot = queue_slot(QUEUE_SHADE + FAMILY, place);
         vec4 origin = pool.origin.at[slot];
         vec3 direction = pool.direction.at[slot].xyz;

@@ -14,11 +14,11 @@ const bool ONE_FAMILY = (FAMILY_MASK & (FAMILY_MASK - 1u)) == 0u;
 void pass_trace_closest() {
     uint place = gl_GlobalInvocationID.x;
     uint length = bounce == 0u ? pixel_count * samples_per_pixel : queue_length(bounce, QUEUE_TRACE);
-    bool active = place < length;
+    bool has_path = place < length;
     uint slot = place;
     uint family = 32u;
     bool missed = false;
-    if (active) {
+    if (has_path) {
         slot = bounce == 0u ? place : queue_slot(QUEUE_TRACE, place);
         Hit hit = trace_closest(pool.origin.at[slot].xyz, pool.direction.at[slot].xyz, INFINITY);
         pool.hit.at[slot] = uvec2(hit.instance, hit.triangle);

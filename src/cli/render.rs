@@ -146,7 +146,7 @@ pub fn run(arguments: Arguments) -> Result<ExitCode> {
     let preparing = Instant::now();
     let instance = Instance::new(Validation::Off)?;
     let choice = arguments.device.clone().map_or(DeviceChoice::Auto, DeviceChoice::Named);
-    let device = instance.open(choice)?;
+    let device = instance.open(&choice)?;
     let settings = Settings {
         max_depth: arguments.max_depth,
         seed: arguments.seed,
@@ -198,7 +198,7 @@ fn render(arguments: &Arguments, renderer: &mut Renderer) -> Result<Stopped> {
     let samples = arguments.spp.unwrap_or(if open_end { u32::MAX } else { 64 });
     let limits = Limits { samples, seconds: arguments.time, error: arguments.error };
     let interrupted = progress::interrupt_flag()?;
-    let bar = progress::bar(progress_length(&limits), arguments.quiet);
+    let bar = progress::bar(STEPS, arguments.quiet);
     let last_checkpoint = Cell::new(Instant::now());
     let mut failure = None;
     let stopped = run_passes(renderer, &limits, |renderer, progress| {
@@ -228,15 +228,14 @@ fn save(renderer: &Renderer, path: &Path) -> Result<()> {
     Ok(renderer.checkpoint()?.write(path)?)
 }
 
-/// The bar has thousands steps of whichever limit is nearest.
-fn progress_length(_: &Limits) -> u64 {
-    1000
-}
+/// Steps of the bar.
+const STEPS: u64 = 1000;
 
+/// How far along the nearest limit is.
 fn progress_position(limits: &Limits, progress: &neubrdf::render::Progress) -> u64 {
     let samples = f64::from(progress.samples) / f64::from(limits.samples);
     let seconds = limits.seconds.map_or(0.0, |limit| progress.seconds / limit);
     // The error falls about as 1/√samples, so that its square says how much of the work is done.
     let error = limits.error.zip(progress.error).map_or(0.0, |(limit, error)| (limit / error).powi(2));
-    (samples.max(seconds).max(error).min(1.0) * 1000.0) as u64
+    (samples.max(seconds).max(error).min(1.0) * STEPS as f64) as u64
 }

@@ -9,7 +9,7 @@ use super::error::Error;
 use super::geometry::Geometry;
 use super::kernels::Features;
 use super::layout::{AliasRecord, EmitterRecord, SceneTable, TextureRecord};
-use super::material_record::Materials;
+use super::material_record::MaterialTable;
 use super::settings::Traversal;
 use crate::gpu::{Buffer, Device, Tlas};
 use crate::scene::{Environment, LightTable, Scene, luminance};
@@ -20,7 +20,6 @@ pub struct DeviceScene {
     table: Buffer,
     // Held for the table's pointers.
     _buffers: Vec<Buffer>,
-    _materials: Materials,
 }
 
 impl DeviceScene {
@@ -33,7 +32,6 @@ impl DeviceScene {
         traversal: Traversal,
     ) -> Result<DeviceScene, Error> {
         let geometry = Geometry::upload(device, scene, traversal)?;
-        let materials = Materials::upload(device, &scene.materials)?;
         let mut buffers = Vec::new();
         let mut keep = |buffer: Buffer| {
             let address = buffer.address();
@@ -41,6 +39,12 @@ impl DeviceScene {
             address
         };
 
+        let materials = MaterialTable::new(&scene.materials);
+        let coats = match materials.coat_tables.as_slice() {
+            [] => 0,
+            tables => keep(Buffer::with_data(device, "coat tables", tables)?),
+        };
+        let materials = keep(Buffer::with_data(device, "materials", &materials.records(coats))?);
         let mut textures = 0;
         if features.textures {
             let mut records = Vec::new();
@@ -74,7 +78,7 @@ impl DeviceScene {
         let table = SceneTable {
             instances: geometry.instances_address(),
             meshes: geometry.meshes_address(),
-            materials: materials.address(),
+            materials,
             textures,
             light_alias,
             emitters,
@@ -89,10 +93,9 @@ impl DeviceScene {
             sun_direction: sun.map_or(Vec3::ZERO, |sun| sun.direction).to_array(),
             sun_irradiance: irradiance.to_array(),
             reach: 2.5 * lights.scene_radius + 1e-30,
-            padding: 0,
         };
         let table = Buffer::with_data(device, "scene table", &[table])?;
-        Ok(DeviceScene { geometry, table, _buffers: buffers, _materials: materials })
+        Ok(DeviceScene { geometry, table, _buffers: buffers })
     }
 
     /// Where the kernels find the scene.

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use glam::{Affine3A, Vec3};
 
 use super::error::Error;
-use super::material_record::Family;
+use super::material_record::{Family, family};
 use super::settings::{Settings, Traversal};
 use crate::gpu::{self, Device, Kernel};
 use crate::scene::{Fresnel, LightTable, Scene, Surface};
@@ -49,7 +49,7 @@ impl Features {
         }
         let used = || scene.materials.iter().zip(&used).filter(|(_, used)| **used).map(|(material, _)| material);
         Features {
-            families: used().fold(0, |mask, material| mask | 1 << Family::of(&material.surface) as u32),
+            families: used().fold(0, |mask, material| mask | 1 << family(&material.surface) as u32),
             emitters: !lights.is_empty() && !lights.triangles.is_empty(),
             environment: lights.environment_texels > 0,
             sun: scene.sun.is_some_and(|sun| sun.irradiance != Vec3::ZERO),
@@ -93,7 +93,7 @@ impl Features {
             self.environment.then_some("shade_miss"),
         ]
         .into_iter()
-        .chain(Family::ALL.map(|family| self.has(family).then_some(family.kernel())))
+        .chain(Family::ALL.map(|family| self.has(family).then_some(shade_kernel(family))))
         .chain([(self.has_lights() && scatters).then_some(shadow), Some("resolve"), Some("estimate_error")]);
         names.flatten().map(|name| KernelPlan { name, specialization: common.to_vec() }).collect()
     }
@@ -158,5 +158,15 @@ fn trace_kernels(traversal: Traversal) -> [&'static str; 2] {
     match traversal {
         Traversal::RayQuery => ["trace_closest_ray_query", "trace_shadow_ray_query"],
         Traversal::Bvh => ["trace_closest_bvh", "trace_shadow_bvh"],
+    }
+}
+
+/// The kernel that shades a family.
+pub fn shade_kernel(family: Family) -> &'static str {
+    match family {
+        Family::Diffuse => "shade_diffuse",
+        Family::Conductor => "shade_conductor",
+        Family::Dielectric => "shade_dielectric",
+        Family::Coated => "shade_coated",
     }
 }

@@ -8,7 +8,7 @@ use super::checkpoint::{Checkpoint, Identity};
 use super::device_scene::DeviceScene;
 use super::error::Error;
 use super::film::{self, FeaturePixel, FilmPixel};
-use super::kernels::{Features, Kernels};
+use super::kernels::{Features, Kernels, shade_kernel};
 use super::layout::{CameraRecord, ErrorPass, FilmTable, Pass};
 use super::material_record::Family;
 use super::pool::{Pool, Queue};
@@ -257,7 +257,7 @@ impl Renderer {
             }
             if scatters || self.features.emitters {
                 for family in Family::ALL.into_iter().filter(|family| self.features.has(*family)) {
-                    self.dispatch_queue(commands, family.kernel(), Queue::Shade(family), &pass);
+                    self.dispatch_queue(commands, shade_kernel(family), Queue::Shade(family), &pass);
                 }
             }
             if scatters && self.features.has_lights() {

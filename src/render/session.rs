@@ -44,7 +44,7 @@ pub struct Progress {
 }
 
 /// Samples a pixel of the longest pass: what a Ctrl-C waits for, and what neighbouring lanes share a pixel for.
-const LONGEST_PASS: u32 = 16;
+pub(super) const LONGEST_PASS: u32 = 16;
 
 /// Fewer samples than this tell nothing about their spread.
 const FEWEST_SAMPLES_FOR_ERROR: u32 = 4;
@@ -64,7 +64,8 @@ pub fn run(
             return Ok(Stopped::Samples);
         }
         let started = Instant::now();
-        let samples = renderer.render_pass(pass.min(remaining))?;
+        let samples = pass.min(remaining);
+        renderer.render_pass(samples)?;
         let seconds = started.elapsed().as_secs_f64();
         renderer.add_seconds(seconds);
         let error =
