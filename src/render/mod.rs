@@ -7,6 +7,7 @@ mod checkpoint;
 mod device_scene;
 mod error;
 mod film;
+mod geometry;
 mod kernels;
 mod layout;
 mod material_record;

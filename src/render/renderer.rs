@@ -2,8 +2,6 @@
 
 use std::sync::Arc;
 
-use bytemuck::{Pod, Zeroable};
-
 use super::checkpoint::{Checkpoint, Identity};
 use super::device_scene::DeviceScene;
 use super::error::Error;
