@@ -33,16 +33,20 @@ fn build() -> Result<(), String> {
     let kernels = kernels(&root).map_err(|e| format!("glsl/kernels: {e}"))?;
     remove_orphans(&root, &kernels).map_err(|e| format!("spirv: {e}"))?;
     let version = compiler_version();
+    let mut errors = Vec::new();
     for kernel in &kernels {
         if is_fresh(&root, kernel)? {
             continue;
         }
         match &version {
-            Some(version) => compile(&root, kernel, version)?,
+            Some(version) => errors.extend(compile(&root, kernel, version).err()),
             None => println!(
                 "cargo:warning=spirv/{kernel}.spv is older than glsl/kernels/{kernel}.comp: install {COMPILER} (Debian: glslang-tools)"
             ),
         }
+    }
+    if !errors.is_empty() {
+        return Err(errors.join("\n"));
     }
     let table = table(&root).map_err(|e| format!("spirv: {e}"))?;
     let out = Path::new(&env::var("OUT_DIR").map_err(|e| e.to_string())?).join("spirv_table.rs");

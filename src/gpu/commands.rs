@@ -6,6 +6,7 @@ use std::sync::Arc;
 use ash::vk;
 use bytemuck::Pod;
 
+use super::acceleration::Tlas;
 use super::buffer::Buffer;
 use super::device::{Device, Retired};
 use super::error::{Error, Result};
@@ -91,6 +92,19 @@ impl Commands {
         self.error.take().map_or(Ok(()), Err)
     }
 
+    /// Gives the acceleration structure to all ray-query kernels that follow.
+    pub fn bind_tlas(&mut self, tlas: &Tlas) {
+        if !Arc::ptr_eq(tlas.device(), &self.device) {
+            self.fail("the acceleration structure is of another device".to_string());
+        }
+        if self.error.is_none() {
+            let (point, layout) = (vk::PipelineBindPoint::COMPUTE, self.device.pipeline_layout);
+            // SAFETY: the set has the layout's one binding written. All our pipelines share the layout, so it stays bound.
+            unsafe { self.device.raw.cmd_bind_descriptor_sets(self.raw, point, layout, 0, &[tlas.set], &[]) };
+            self.has_tlas = true;
+        }
+    }
+
     /// Runs `groups` workgroups of the kernel with these push constants.
     pub fn dispatch(&mut self, kernel: &Kernel, groups: [u32; 3], push: &impl Pod) {
         let most = self.device.limits().max_compute_work_group_count;
@@ -174,9 +188,10 @@ impl Commands {
         self.passes.push(label);
     }
 
-    /// The Vulkan handle, for commands of one's own. What they bind for compute must be bound by them.
+    /// The Vulkan handle, for commands of one's own. What was bound for compute before, a [`Tlas`] too, is bound no more.
     pub fn raw(&mut self) -> vk::CommandBuffer {
         self.bound = vk::Pipeline::null();
+        self.has_tlas = false;
         self.raw
     }
 

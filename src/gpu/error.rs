@@ -101,6 +101,9 @@ pub enum Error {
         /// The device's name.
         device: String,
     },
+    /// An acceleration structure that Vulkan cannot hold.
+    #[error("acceleration structure: {0}")]
+    AccelerationStructure(String),
     /// Any other Vulkan call that failed.
     #[error("{call} failed: {result}")]
     Call {

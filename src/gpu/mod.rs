@@ -32,8 +32,10 @@
 
 #![allow(unsafe_code)]
 
+pub mod layout;
 pub mod spirv;
 
+mod acceleration;
 mod buffer;
 mod commands;
 mod device;
@@ -42,6 +44,7 @@ mod instance;
 mod kernel;
 mod profile;
 
+pub use acceleration::{Blas, BlasGeometry, Tlas, TlasInstance};
 pub use buffer::{Buffer, Memory};
 pub use commands::{Commands, Submission};
 pub use device::Device;

@@ -10,7 +10,7 @@ use bytemuck::{Pod, cast_slice};
 use serde::{Deserialize, Serialize};
 
 use super::error::Error;
-use super::film::{FeaturePixel, FilmPixel};
+use super::layout::{FeaturePixel, FilmPixel};
 use super::settings::Settings;
 use crate::image::atomic_write;
 

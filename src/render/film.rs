@@ -1,40 +1,7 @@
 //! The film on the host: from sums to a picture.
 
-use bytemuck::{Pod, Zeroable};
-
+use super::layout::{FeaturePixel, FilmPixel};
 use crate::image::{Picture, Samples, plane};
-
-/// Sums over a pixel's samples, each with the rounding error that its additions have lost: the value is their sum.
-#[repr(C)]
-#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
-pub struct FilmPixel {
-    /// Σ radiance.
-    pub sum: [f32; 3],
-    /// What `sum` lacks.
-    pub sum_error: [f32; 3],
-    /// Σ radiance².
-    pub square: [f32; 3],
-    /// What `square` lacks.
-    pub square_error: [f32; 3],
-}
-
-/// What a pixel sees first: means over its samples, and depth and ids of one ray through its centre.
-#[repr(C)]
-#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
-pub struct FeaturePixel {
-    /// Mean colour of the material, 0 where nothing was hit.
-    pub albedo: [f32; 3],
-    /// Mean shading normal, world space, facing the viewer, 0 where nothing was hit.
-    pub normal: [f32; 3],
-    /// Distance along the camera's axis; infinite where nothing was hit.
-    pub depth: f32,
-    /// [`plane::NO_ID`] where nothing was hit, here and below.
-    pub instance: u32,
-    /// Triangle of its mesh.
-    pub triangle: u32,
-    /// Index into the scene's materials.
-    pub material: u32,
-}
 
 impl FilmPixel {
     /// The pixel's value, and the variance of that value, from `samples` samples (≥ 1).

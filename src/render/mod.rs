@@ -18,8 +18,8 @@ mod settings;
 
 pub use checkpoint::{Checkpoint, Identity};
 pub use error::Error;
-pub use film::{FeaturePixel, FilmPixel};
 pub use kernels::{Features, KernelPlan};
+pub use layout::{FeaturePixel, FilmPixel, WAVEFRONT_STRUCTS};
 pub use material_record::{Family, MaterialRecord, MaterialTable, family};
 pub use renderer::{Options, Renderer};
 pub use session::{Limits, Progress, Stopped, run};

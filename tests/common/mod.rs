@@ -1,6 +1,8 @@
 //! What tests of renderers share: the drivers that are installed, small scenes built in code, and a way to render them.
 #![allow(dead_code)] // each test file uses a part of it
 
+pub mod gpu_structs;
+
 use std::sync::Arc;
 
 use glam::{Affine3A, Vec2, Vec3};
@@ -26,7 +28,12 @@ impl Driver {
     }
 }
 
-/// The driver of that name. Where it is missing the test is to be skipped, unless NEUBRDF_REQUIRE_DRIVERS is set.
+/// Whether a driver that is missing is a failure, not a reason to skip.
+fn drivers_are_required() -> bool {
+    std::env::var_os("NEUBRDF_REQUIRE_DRIVERS").is_some()
+}
+
+/// The driver of that name. Where it is missing the test is to be skipped, unless drivers are required.
 pub fn driver(name: &str) -> Option<Driver> {
     let open = || -> Result<Driver, neubrdf::gpu::Error> {
         let instance = Instance::new(Validation::Sync)?;
@@ -35,11 +42,38 @@ pub fn driver(name: &str) -> Option<Driver> {
     };
     match open() {
         Ok(driver) => Some(driver),
-        Err(error) if std::env::var_os("NEUBRDF_REQUIRE_DRIVERS").is_some() => panic!("{name} is required here: {error}"),
+        Err(error) if drivers_are_required() => panic!("{name} is required here: {error}"),
         Err(error) => {
             eprintln!("skipped: {name}: {error}");
             None
         }
+    }
+}
+
+/// Runs a check on every fit device, and insists that the validation layer has nothing to say about it.
+///
+/// Without a loader or without the validation layer there is nothing to run on: the test says so and passes.
+pub fn on_every_device(check: impl Fn(&Arc<Device>)) {
+    let instance = match Instance::new(Validation::Sync) {
+        Ok(instance) => instance,
+        Err(error) if drivers_are_required() => panic!("a Vulkan driver is required here: {error}"),
+        Err(error) => return eprintln!("skipped: {error}"),
+    };
+    let reports = instance.devices().unwrap();
+    if reports.is_empty() {
+        eprintln!("skipped: no Vulkan device");
+    }
+    for report in reports {
+        if !report.missing.is_empty() {
+            eprintln!("skipped {}: it lacks {}", report.name, report.missing.join(", "));
+            continue;
+        }
+        eprintln!("on {} ({})", report.name, report.driver);
+        let device = instance.open(&DeviceChoice::Named(report.index.to_string())).unwrap();
+        check(&device);
+        assert_eq!(Arc::strong_count(&device), 1, "something of {} was not dropped", report.name);
+        drop(device);
+        assert_eq!(instance.validation_messages(), Vec::<String>::new(), "on {}", report.name);
     }
 }
 
