@@ -24,7 +24,7 @@ void pass_trace_closest() {
         pool.hit.at[slot] = uvec2(hit.instance, hit.triangle);
         missed = hit.instance == NO_HIT;
         if (!missed) {
-            family = ONE_FAMILY ? uint(findLSB(FAMILY_MASK)) : material_family(scene.materials.at[material_of(scene, hit)].flags);
+            family = ONE_FAMILY ? uint(findLSB(FAMILY_MASK)) : material_family(scene.materials.at[material_of(scene.meshes.at[scene.instances.at[hit.instance].mesh], hit.triangle)].flags);
         }
     }
     for (uint f = 0u; f < 4u; ++f) {

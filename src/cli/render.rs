@@ -166,7 +166,7 @@ pub fn run(arguments: Arguments) -> Result<ExitCode> {
         renderer.checkpoint()?.write(path)?;
     }
     let (mut picture, metadata) = renderer.picture()?;
-    picture.keep_features(&arguments.aov.0);
+    drop_unwanted(&mut picture, &arguments.aov);
     if let Some(path) = &arguments.output {
         image::write_exr(path, &picture, &metadata)?;
     }
@@ -190,6 +190,19 @@ pub fn run(arguments: Arguments) -> Result<ExitCode> {
         println!("{statistics:#}");
     }
     Ok(ExitCode::SUCCESS)
+}
+
+/// Takes away the feature channels that the user does not want.
+fn drop_unwanted(picture: &mut image::Picture, wanted: &Aovs) {
+    let unwanted = |name: &str| {
+        AOVS.iter().any(|feature| {
+            name.strip_prefix(feature).is_some_and(|rest| rest.starts_with('.')) && !wanted.0.iter().any(|w| w == feature)
+        })
+    };
+    let names: Vec<String> = picture.names().filter(|name| unwanted(name)).map(String::from).collect();
+    for name in names {
+        picture.remove(&name);
+    }
 }
 
 /// Renders under a bar, with checkpoints, until a limit or Ctrl-C.
