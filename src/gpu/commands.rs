@@ -29,6 +29,8 @@ pub struct Commands {
     passes: Vec<String>,
     queries: Vec<vk::QueryPool>,
     error: Option<Error>,
+    /// What is dropped while it is open may still be used by it.
+    recording: Option<u64>,
 }
 
 impl Commands {
@@ -80,6 +82,7 @@ impl Commands {
             passes: Vec::new(),
             queries: Vec::new(),
             error: None,
+            recording: Some(device.open_recording()),
         }
     }
 
@@ -325,6 +328,13 @@ impl Commands {
         Ok(self.raw)
     }
 
+    /// The recording was submitted, or never will be.
+    pub(super) fn close(&mut self) {
+        if let Some(recording) = self.recording.take() {
+            self.device.close_recording(recording);
+        }
+    }
+
     /// The passes with their times in nanoseconds; the work is done.
     fn times(&self) -> Result<Vec<(String, Option<u64>)>> {
         let raw = &self.device.raw;
@@ -350,6 +360,7 @@ impl Commands {
 
 impl Drop for Commands {
     fn drop(&mut self) {
+        self.close();
         for pool in self.queries.drain(..) {
             self.device.retire(Retired::QueryPool(pool));
         }
