@@ -23,6 +23,7 @@ use std::time::Instant;
 use glam::DVec3;
 use rayon::prelude::*;
 
+use self::camera::View;
 pub use self::embree::{Accelerator, Hit, Ray, TraceMode};
 use self::film::PixelSums;
 use self::lights::Lights;
@@ -88,6 +89,7 @@ pub struct Statistics {
 /// A scene made ready for rendering: built once, rendered often.
 pub struct Reference<'a> {
     scene: &'a Scene,
+    view: View,
     accelerator: Accelerator,
     lights: Lights,
     /// One an instance.
@@ -102,6 +104,7 @@ impl<'a> Reference<'a> {
         let placements: Vec<Placement> = scene.instances.iter().map(Placement::new).collect();
         Ok(Reference {
             scene,
+            view: View::new(&scene.camera, scene.film),
             accelerator: Accelerator::new(scene)?,
             lights: Lights::new(scene, &placements),
             placements,

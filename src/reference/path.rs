@@ -2,12 +2,12 @@
 
 use glam::{DVec2, DVec3, Vec3};
 
+use super::Reference;
 use super::embree::{Hit, Ray};
 use super::film::Sample;
 use super::lights::{LightSample, Source};
 use super::random::Random;
 use super::surface::{SurfacePoint, leave};
-use super::{Reference, camera};
 use crate::image::{Crop, Picture, Samples, plane};
 use crate::material::{Bsdf, fresnel_complex};
 use crate::scene::{Fresnel, Surface};
@@ -27,8 +27,8 @@ impl Reference<'_> {
     pub(super) fn sample(&self, pixel: [u32; 2], max_depth: u32, random: &mut Random, rays: &mut RayCount) -> Sample {
         let jitter = DVec2::new(random.uniform(), random.uniform());
         let position = DVec2::new(pixel[0].into(), pixel[1].into()) + jitter;
-        let lens = self.scene.camera.lens.map(|_| DVec2::new(random.uniform(), random.uniform()));
-        let (eye, mut direction) = camera::ray(&self.scene.camera, self.scene.film, position, lens);
+        let lens = self.view.has_lens().then(|| DVec2::new(random.uniform(), random.uniform()));
+        let (eye, mut direction) = self.view.ray(position, lens);
         let mut origin = eye.as_vec3();
 
         let mut sample = Sample::default();
@@ -148,15 +148,16 @@ impl Reference<'_> {
 
     /// Adds the planes of the ray through the pixel's centre: depth and ids.
     pub(super) fn add_centre_planes(&self, crop: Crop, picture: &mut Picture) {
-        let forward = camera::axes(&self.scene.camera)[2];
         let mut depth = Vec::with_capacity(picture.pixels());
         let mut ids = [const { Vec::new() }; 3];
         for y in 0..crop.height {
             for x in 0..crop.width {
                 let centre = DVec2::new((crop.x + x).into(), (crop.y + y).into()) + 0.5;
-                let (eye, direction) = camera::ray(&self.scene.camera, self.scene.film, centre, None);
+                let (eye, direction) = self.view.ray(centre, None);
                 let hit = self.hit(eye.as_vec3(), direction);
-                depth.push(hit.map_or(f32::INFINITY, |hit| (f64::from(hit.t) * direction.dot(forward)) as f32));
+                depth.push(
+                    hit.map_or(f32::INFINITY, |hit| (f64::from(hit.t) * direction.dot(self.view.forward)) as f32),
+                );
                 let [instance, triangle, material] = &mut ids;
                 instance.push(hit.map_or(plane::NO_ID, |hit| hit.instance));
                 triangle.push(hit.map_or(plane::NO_ID, |hit| hit.triangle));
