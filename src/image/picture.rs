@@ -140,3 +140,26 @@ impl Picture {
         self.planes.iter().map(|(name, samples)| (name.as_str(), samples))
     }
 }
+
+/// A rectangle of pixels.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Crop {
+    /// Its left column.
+    pub x: u32,
+    /// Its upper row.
+    pub y: u32,
+    /// Pixels across.
+    pub width: u32,
+    /// Pixels down.
+    pub height: u32,
+}
+
+impl Crop {
+    /// Whether it has pixels, all of them on a film of this size.
+    pub fn fits(&self, film_width: u32, film_height: u32) -> bool {
+        let within = |start: u32, length: u32, whole: u32| {
+            length > 0 && start.checked_add(length).is_some_and(|end| end <= whole)
+        };
+        within(self.x, self.width, film_width) && within(self.y, self.height, film_height)
+    }
+}
