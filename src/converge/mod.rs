@@ -1,1 +1,3 @@
 //! converge
+
+pub mod chi_square;
