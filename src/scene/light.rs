@@ -9,7 +9,10 @@
 //! - a direction to the environment, per unit solid angle: `π·R²·Y(radiance) / P`, with `R` the scene's bounding radius;
 //! - the sun: the probability `π·R²·Y(irradiance) / P`.
 
-use glam::Vec3;
+use glam::{DVec2, DVec3, Vec3};
+use std::f64::consts::{PI, TAU};
+
+use super::Scene;
 
 /// A lat-long environment: radiance constant over each texel, so that sampling it by texel is exact.
 ///
@@ -51,7 +54,338 @@ pub struct LightTable {
     pub scene_radius: f32,
 }
 
+/// What an entry of the [`LightTable`] stands for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Light {
+    /// An emissive triangle.
+    Triangle {
+        /// Index into [`Scene::instances`].
+        instance: u32,
+        /// Index into the triangles of its mesh.
+        triangle: u32,
+    },
+    /// A texel of the environment.
+    Texel {
+        /// From 0 at u = 0.
+        column: u32,
+        /// From 0 at the zenith.
+        row: u32,
+    },
+    /// The sun.
+    Sun,
+}
+
 /// Rec. 709 luminance.
 pub fn luminance(color: Vec3) -> f32 {
     color.dot(Vec3::new(0.2126, 0.7152, 0.0722))
+}
+
+impl Environment {
+    /// The same radiance from everywhere.
+    pub fn constant(radiance: Vec3) -> Environment {
+        Environment { width: 1, height: 1, texels: vec![radiance], rotation_degrees: 0.0 }
+    }
+
+    /// The (column, row) that a unit direction towards the sky falls in.
+    pub fn texel_of(&self, direction: DVec3) -> [u32; 2] {
+        let local = turn_about_y(direction, -self.rotation_radians());
+        let u = local.x.atan2(-local.z) / TAU + 0.5;
+        let v = local.y.clamp(-1.0, 1.0).acos() / PI;
+        let cell = |coordinate: f64, count: u32| ((coordinate * f64::from(count)) as u32).min(count - 1);
+        [cell(u, self.width), cell(v, self.height)]
+    }
+
+    /// Radiance that arrives from a unit direction towards the sky.
+    pub fn radiance(&self, direction: DVec3) -> Vec3 {
+        let [column, row] = self.texel_of(direction);
+        self.texels[row as usize * self.width as usize + column as usize]
+    }
+
+    /// A unit direction inside a (column, row), for u in [0, 1)²: uniform over the texel's solid angle, because
+    /// u.x is linear in the azimuth and u.y in the cosine of the polar angle.
+    pub fn direction(&self, [column, row]: [u32; 2], u: DVec2) -> DVec3 {
+        let azimuth = ((f64::from(column) + u.x) / f64::from(self.width) - 0.5) * TAU;
+        let [upper, lower] = self.row_cosines(row);
+        let cosine = upper + (lower - upper) * u.y;
+        let sine = (1.0 - cosine * cosine).max(0.0).sqrt();
+        let local = DVec3::new(sine * azimuth.sin(), cosine, -sine * azimuth.cos());
+        turn_about_y(local, self.rotation_radians())
+    }
+
+    /// Solid angle of each texel of a row, sr.
+    pub fn solid_angle(&self, row: u32) -> f64 {
+        let [upper, lower] = self.row_cosines(row);
+        TAU / f64::from(self.width) * (upper - lower)
+    }
+
+    /// Cosines of the polar angles that bound a row.
+    fn row_cosines(&self, row: u32) -> [f64; 2] {
+        [row, row + 1].map(|edge| (PI * f64::from(edge) / f64::from(self.height)).cos())
+    }
+
+    fn rotation_radians(&self) -> f64 {
+        f64::from(self.rotation_degrees).to_radians()
+    }
+}
+
+fn turn_about_y(v: DVec3, radians: f64) -> DVec3 {
+    let (sine, cosine) = radians.sin_cos();
+    DVec3::new(cosine * v.x + sine * v.z, v.y, cosine * v.z - sine * v.x)
+}
+
+impl LightTable {
+    /// The table of a scene, in time linear in its triangles and texels.
+    pub fn new(scene: &Scene) -> LightTable {
+        let scene_radius = scene.bounds().radius();
+        let disk = PI * f64::from(scene_radius).powi(2);
+
+        let mut triangles = Vec::new();
+        let mut powers = Vec::new();
+        for (instance, &super::Instance { mesh, object_to_world }) in scene.instances.iter().enumerate() {
+            let mesh = &scene.meshes[mesh as usize];
+            if !mesh.materials.iter().any(|&material| scene.materials[material as usize].is_emissive()) {
+                continue;
+            }
+            for triangle in 0..mesh.triangles.len() {
+                let material = &scene.materials[mesh.material(triangle) as usize];
+                if material.is_emissive() {
+                    let [a, b, c] = mesh.corners(triangle).map(|p| object_to_world.transform_point3(p).as_dvec3());
+                    let area = (b - a).cross(c - a).length() / 2.0;
+                    let sides = if material.emits_both_sides { 2.0 } else { 1.0 };
+                    triangles.push([instance as u32, triangle as u32]);
+                    powers.push(PI * f64::from(luminance(material.emission)) * area * sides);
+                }
+            }
+        }
+
+        let mut environment_texels = 0;
+        if let Some(environment) = &scene.environment {
+            if environment.texels.iter().any(|&radiance| radiance != Vec3::ZERO) {
+                environment_texels = environment.width * environment.height;
+                for (row, texels) in environment.texels.chunks_exact(environment.width as usize).enumerate() {
+                    let scale = disk * environment.solid_angle(row as u32);
+                    powers.extend(texels.iter().map(|&radiance| scale * f64::from(luminance(radiance))));
+                }
+            }
+        }
+        powers.extend(scene.sun.map(|sun| disk * f64::from(luminance(sun.irradiance))));
+
+        let total_power = powers.iter().sum();
+        LightTable { triangles, environment_texels, alias: alias_table(&powers), total_power, scene_radius }
+    }
+
+    /// Number of entries; 0 for a scene without light.
+    pub fn len(&self) -> usize {
+        self.alias.len()
+    }
+
+    /// Whether the scene has no light.
+    pub fn is_empty(&self) -> bool {
+        self.alias.is_empty()
+    }
+
+    /// The entry that u in [0, 1) picks. Precondition: the table is not empty.
+    pub fn pick(&self, u: f64) -> usize {
+        let scaled = u * self.len() as f64;
+        let entry = (scaled as usize).min(self.len() - 1);
+        let (stay, other) = self.alias[entry];
+        if scaled - (entry as f64) < f64::from(stay) { entry } else { other as usize }
+    }
+
+    /// What an entry stands for, in a scene whose environment is `width` texels wide.
+    pub fn light(&self, entry: usize, width: u32) -> Light {
+        if let Some(&[instance, triangle]) = self.triangles.get(entry) {
+            return Light::Triangle { instance, triangle };
+        }
+        let texel = (entry - self.triangles.len()) as u32;
+        if texel < self.environment_texels {
+            Light::Texel { column: texel % width, row: texel / width }
+        } else {
+            Light::Sun
+        }
+    }
+}
+
+/// Walker's alias table (Vose 1991), computed in f64 and empty if no weight is positive. An entry of weight 0 is
+/// never picked, whatever rounding leaves over.
+fn alias_table(weights: &[f64]) -> Vec<(f32, u32)> {
+    let total: f64 = weights.iter().sum();
+    let Some(heaviest) = (0..weights.len()).max_by(|&a, &b| weights[a].total_cmp(&weights[b])) else {
+        return Vec::new();
+    };
+    if total <= 0.0 {
+        return Vec::new();
+    }
+
+    let mut scaled: Vec<f64> = weights.iter().map(|weight| weight / total * weights.len() as f64).collect();
+    let keep_or_leave = |weight: &f64| (if *weight > 0.0 { 1.0 } else { 0.0 }, heaviest as u32);
+    let mut table: Vec<(f32, u32)> = weights.iter().map(keep_or_leave).collect();
+    let (mut small, mut large): (Vec<usize>, Vec<usize>) = (0..scaled.len()).partition(|&entry| scaled[entry] < 1.0);
+    while let (Some(&poor), Some(&rich)) = (small.last(), large.last()) {
+        small.pop();
+        table[poor] = (scaled[poor] as f32, rich as u32);
+        scaled[rich] -= 1.0 - scaled[poor];
+        if scaled[rich] < 1.0 {
+            large.pop();
+            small.push(rich);
+        }
+    }
+    table
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::{Camera, Color, Film, Instance, Material, Mesh, Surface};
+    use glam::{Affine3A, Quat};
+
+    /// The probability of each entry that an alias table amounts to.
+    fn implied(table: &[(f32, u32)]) -> Vec<f64> {
+        let share = 1.0 / table.len() as f64;
+        let mut probabilities = vec![0.0; table.len()];
+        for (entry, &(stay, other)) in table.iter().enumerate() {
+            probabilities[entry] += share * f64::from(stay);
+            probabilities[other as usize] += share * (1.0 - f64::from(stay));
+        }
+        probabilities
+    }
+
+    fn assert_close(found: f64, expected: f64) {
+        assert!((found - expected).abs() <= 1e-6 * expected.abs(), "found {found}, expected {expected}");
+    }
+
+    #[test]
+    fn alias_probabilities_are_the_normalised_weights() {
+        let spread: Vec<f64> = (0..10_000).map(|i| f64::from(i % 7) * 10f64.powi(i % 13 - 6)).collect();
+        for weights in [vec![1.0], vec![0.0, 3.0, 0.0, 1.0], vec![0.1; 1000], spread] {
+            let total: f64 = weights.iter().sum();
+            for (probability, weight) in implied(&alias_table(&weights)).into_iter().zip(&weights) {
+                assert_close(probability, weight / total);
+            }
+        }
+        assert!(alias_table(&[]).is_empty());
+        assert!(alias_table(&[0.0, 0.0]).is_empty());
+    }
+
+    fn material(emission: f32, emits_both_sides: bool) -> Material {
+        let albedo = Color::constant(Vec3::splat(0.5));
+        let emission = Vec3::splat(emission);
+        Material { name: "m".into(), surface: Surface::Diffuse { albedo }, emission, emits_both_sides }
+    }
+
+    fn scene_with_all_lights() -> Scene {
+        let mesh = Mesh {
+            name: "strip".into(),
+            positions: vec![Vec3::ZERO, Vec3::X, Vec3::Y, Vec3::new(1.0, 1.0, 0.0), Vec3::new(3.0, 0.0, 0.0)],
+            triangles: vec![[0, 1, 2], [1, 3, 2], [1, 4, 3]],
+            materials: vec![0, 1, 2],
+            ..Mesh::default()
+        };
+        let instance = |object_to_world| Instance { mesh: 0, object_to_world };
+        Scene {
+            camera: Camera { eye: Vec3::Z, target: Vec3::ZERO, up: Vec3::Y, vertical_fov_degrees: 40.0, lens: None },
+            film: Film { width: 1, height: 1 },
+            meshes: vec![mesh],
+            instances: vec![
+                instance(Affine3A::IDENTITY),
+                instance(Affine3A::from_scale_rotation_translation(
+                    Vec3::splat(2.0),
+                    Quat::from_rotation_x(1.0),
+                    Vec3::X,
+                )),
+            ],
+            materials: vec![material(3.0, false), material(0.0, false), material(5.0, true)],
+            textures: vec![],
+            environment: Some(Environment {
+                width: 4,
+                height: 3,
+                texels: (0..12).map(|i| Vec3::splat(i as f32)).collect(),
+                rotation_degrees: 30.0,
+            }),
+            sun: Some(Sun { direction: Vec3::Y, irradiance: Vec3::splat(2.0) }),
+        }
+    }
+
+    /// The closed forms of the module's head, on every entry.
+    #[test]
+    fn entries_are_picked_by_their_power() {
+        let scene = scene_with_all_lights();
+        let table = LightTable::new(&scene);
+        assert_eq!(table.triangles, [[0, 0], [0, 2], [1, 0], [1, 2]]);
+        assert_eq!(table.environment_texels, 12);
+        assert_eq!(table.len(), 4 + 12 + 1);
+
+        let environment = scene.environment.as_ref().unwrap();
+        let disk = PI * f64::from(scene.bounds().radius()).powi(2);
+        let areas = [0.5, 1.0, 2.0, 4.0];
+        let total: f64 = {
+            let triangles = PI * (3.0 * (0.5 + 2.0) + 2.0 * 5.0 * (1.0 + 4.0));
+            let sky: f64 = (0..12).map(|i| f64::from(i) * environment.solid_angle(i / 4)).sum();
+            triangles + disk * (sky + 2.0)
+        };
+        assert_close(table.total_power, total);
+        for (entry, probability) in implied(&table.alias).into_iter().enumerate() {
+            let power = match table.light(entry, environment.width) {
+                Light::Triangle { triangle: 0, .. } => PI * 3.0 * areas[entry],
+                Light::Triangle { .. } => PI * 5.0 * 2.0 * areas[entry],
+                Light::Texel { column, row } => disk * f64::from(row * 4 + column) * environment.solid_angle(row),
+                Light::Sun => disk * 2.0,
+            };
+            assert_close(probability, power / total);
+        }
+    }
+
+    #[test]
+    fn pick_follows_the_table() {
+        let table = LightTable::new(&scene_with_all_lights());
+        let expected = implied(&table.alias);
+        let mut counts = vec![0u32; table.len()];
+        let n = 1_000_000;
+        (0..n).for_each(|i| counts[table.pick((f64::from(i) + 0.5) / f64::from(n))] += 1);
+        for (count, probability) in counts.into_iter().zip(expected) {
+            assert!((f64::from(count) / f64::from(n) - probability).abs() < 1e-4);
+        }
+    }
+
+    #[test]
+    fn a_scene_without_light_has_an_empty_table() {
+        let mut scene = scene_with_all_lights();
+        scene.materials = vec![material(0.0, false); 3];
+        scene.environment = Some(Environment::constant(Vec3::ZERO));
+        scene.sun = None;
+        let table = LightTable::new(&scene);
+        assert!(table.is_empty());
+        assert_eq!(table.total_power, 0.0);
+    }
+
+    #[test]
+    fn environment_texels_tile_the_sphere() {
+        let environment = scene_with_all_lights().environment.unwrap();
+        let total: f64 = (0..3).map(|row| 4.0 * environment.solid_angle(row)).sum();
+        assert_close(total, 4.0 * PI);
+        for row in 0..3 {
+            for column in 0..4 {
+                for u in [DVec2::splat(0.01), DVec2::new(0.3, 0.8), DVec2::splat(0.99)] {
+                    let direction = environment.direction([column, row], u);
+                    assert_close(direction.length(), 1.0);
+                    assert_eq!(environment.texel_of(direction), [column, row]);
+                    assert_eq!(environment.radiance(direction), Vec3::splat((row * 4 + column) as f32));
+                }
+            }
+        }
+    }
+
+    /// The definition in words: the middle of the picture looks along −z, right of it lies +x, the first row is up.
+    #[test]
+    fn environment_directions_are_as_documented() {
+        let mut environment = Environment::constant(Vec3::ONE);
+        (environment.width, environment.height) = (4, 2);
+        assert_eq!(environment.texel_of(DVec3::new(0.1, 0.1, -1.0)), [2, 0]);
+        assert_eq!(environment.texel_of(DVec3::new(-0.1, -0.1, -1.0)), [1, 1]);
+        assert_eq!(environment.texel_of(DVec3::new(1.0, -0.1, 0.1)), [3, 1]);
+        assert_eq!(environment.texel_of(DVec3::new(-1.0, 0.1, 0.1)), [0, 0]);
+        // Turned a quarter counter-clockwise, what stood at −z now stands at −x.
+        environment.rotation_degrees = 90.0;
+        assert_eq!(environment.texel_of(DVec3::new(-1.0, 0.1, -0.1)), [2, 0]);
+    }
 }

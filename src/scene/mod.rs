@@ -13,7 +13,7 @@ mod mesh;
 mod texture;
 
 pub use camera::{Camera, Film, Lens};
-pub use light::{Environment, LightTable, Sun};
+pub use light::{Environment, Light, LightTable, Sun, luminance};
 pub use material::{Color, Fresnel, Material, Surface};
 pub use mesh::{Bounds, Instance, Mesh};
 pub use texture::Texture;

@@ -17,7 +17,7 @@ use crate::sphere::{Cells, Random};
 fn albedo_by_quadrature(configuration: &Configuration) -> f64 {
     let bsdf = configuration.bsdf();
     let cells = Cells::around_lobes(&configuration.surface, configuration.wo);
-    cells.integrals(|wi| bsdf.eval(configuration.wo, wi).x * wi.z.abs(), 1e-6).iter().sum()
+    cells.integrals(|wi| bsdf.eval(configuration.wo, wi).x * wi.z.abs(), 1e-7).iter().sum()
 }
 
 /// What sampling gives, first channel, with `scale` applied to each sample: mean and its standard error.
