@@ -163,3 +163,18 @@ impl Crop {
         within(self.x, self.width, film_width) && within(self.y, self.height, film_height)
     }
 }
+
+impl std::str::FromStr for Crop {
+    type Err = String;
+
+    /// `x,y,width,height` in pixels.
+    fn from_str(word: &str) -> Result<Self, String> {
+        let numbers: Option<Vec<u32>> = word.split(',').map(|number| number.trim().parse().ok()).collect();
+        match numbers.as_deref() {
+            Some(&[x, y, width, height]) if width > 0 && height > 0 => Ok(Crop { x, y, width, height }),
+            _ => Err(format!(
+                "'{word}' is no crop: expected x,y,width,height in whole pixels, width and height at least 1"
+            )),
+        }
+    }
+}

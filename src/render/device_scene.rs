@@ -56,7 +56,8 @@ impl DeviceScene {
         }
         let mut light_alias = 0;
         if features.has_lights() {
-            let alias: Vec<_> = lights.alias.iter().map(|(keep, alias)| AliasRecord { keep: *keep, alias: *alias }).collect();
+            let alias: Vec<_> =
+                lights.alias.iter().map(|(keep, alias)| AliasRecord { keep: *keep, alias: *alias }).collect();
             light_alias = keep(Buffer::with_data(device, "light table", &alias)?);
         }
         let mut emitters = 0;

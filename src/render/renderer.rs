@@ -10,9 +10,9 @@ use super::kernels::{Features, Kernels, shade_kernel};
 use super::layout::{CameraRecord, ErrorPass, FeaturePixel, FilmPixel, FilmTable, Pass};
 use super::material_record::Family;
 use super::pool::{Pool, Queue};
-use super::settings::{Crop, Settings, Traversal};
+use super::settings::{Settings, Traversal};
 use crate::gpu::{Buffer, Commands, Device, Memory};
-use crate::image::{Metadata, Picture};
+use crate::image::{Crop, Metadata, Picture};
 use crate::scene::{Camera, LightTable, Scene};
 
 /// What a user may choose that does not change the picture.
@@ -181,11 +181,7 @@ impl Renderer {
         })
     }
 
-    fn submit(
-        &self,
-        batches: &[Batch],
-        record: impl Fn(&Renderer, &mut Commands, &Batch),
-    ) -> Result<(), Error> {
+    fn submit(&self, batches: &[Batch], record: impl Fn(&Renderer, &mut Commands, &Batch)) -> Result<(), Error> {
         let per_submission = (SUBMISSION_DISPATCHES / self.settings.max_depth.saturating_mul(8)).max(1) as usize;
         let mut in_flight = None;
         for group in batches.chunks(per_submission) {
@@ -309,8 +305,13 @@ impl Renderer {
 
     /// The picture so far, and what its file should say about it.
     pub fn picture(&self) -> Result<(Picture, Metadata), Error> {
-        let picture =
-            film::picture(self.crop.width, self.crop.height, self.samples, &self.pixels.read()?, &self.read_features()?);
+        let picture = film::picture(
+            self.crop.width,
+            self.crop.height,
+            self.samples,
+            &self.pixels.read()?,
+            &self.read_features()?,
+        );
         let metadata = Metadata {
             scene_hash: self.identity.scene.clone(),
             spp: u64::from(self.samples),
@@ -382,8 +383,7 @@ fn crop_of(scene: &Scene, settings: &Settings) -> Result<Crop, Error> {
     let film = scene.film;
     let whole = Crop { x: 0, y: 0, width: film.width, height: film.height };
     let crop = settings.crop.unwrap_or(whole);
-    let fits = |start: u32, length: u32, of: u32| length > 0 && start.checked_add(length).is_some_and(|end| end <= of);
-    if !fits(crop.x, crop.width, film.width) || !fits(crop.y, crop.height, film.height) {
+    if !crop.fits(film.width, film.height) {
         let Crop { x, y, width, height } = crop;
         return Err(Error::Crop { x, y, width, height, film_width: film.width, film_height: film.height });
     }
@@ -445,7 +445,9 @@ mod tests {
     /// Whatever the pool holds, every sample of every pixel is in exactly one batch, and none overfills the pool.
     #[test]
     fn batches_cover_each_sample_once() {
-        for (pixels, samples, capacity) in [(10, 3, 1), (10, 3, 7), (10, 16, 5), (1, 100, 64), (1000, 16, 4096), (7, 1, 7)] {
+        for (pixels, samples, capacity) in
+            [(10, 3, 1), (10, 3, 7), (10, 16, 5), (1, 100, 64), (1000, 16, 4096), (7, 1, 7)]
+        {
             let mut taken = vec![0; (pixels * u64::from(samples)) as usize];
             for batch in batches(pixels, 5, samples, capacity) {
                 assert!(batch.pixels * batch.samples <= capacity);
