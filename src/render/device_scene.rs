@@ -56,7 +56,8 @@ impl DeviceScene {
         }
         let mut light_alias = 0;
         if features.has_lights() {
-            let alias: Vec<_> = lights.alias.iter().map(|(keep, alias)| AliasRecord { keep: *keep, alias: *alias }).collect();
+            let alias: Vec<_> =
+                lights.alias.iter().map(|(keep, alias)| AliasRecord { keep: *keep, alias: *alias }).collect();
             light_alias = keep(Buffer::with_data(device, "light table", &alias)?);
         }
         let mut emitters = 0;
@@ -78,6 +79,7 @@ impl DeviceScene {
         let table = SceneTable {
             instances: geometry.instances_address(),
             meshes: geometry.meshes_address(),
+            nodes: geometry.nodes_address(),
             materials,
             textures,
             light_alias,
@@ -101,6 +103,11 @@ impl DeviceScene {
     /// Where the kernels find the scene.
     pub fn table_address(&self) -> u64 {
         self.table.address()
+    }
+
+    /// What kernels that trace are to be specialized with: see [`Geometry::specialization`].
+    pub fn specialization(&self) -> [(u32, u32); 2] {
+        self.geometry.specialization()
     }
 
     /// The top-level acceleration structure, for ray query.

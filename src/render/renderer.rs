@@ -66,8 +66,8 @@ impl Renderer {
         let lights = LightTable::new(scene);
         let features = Features::of(scene, &lights);
         let workgroup_size = device.profile().workgroup_size;
-        let kernels = Kernels::build(device, &features, traversal, settings)?;
         let device_scene = DeviceScene::upload(device, scene, &lights, &features, traversal)?;
+        let kernels = Kernels::build(device, &features, traversal, settings, &device_scene.specialization())?;
 
         let pixel_count = u64::from(crop.width) * u64::from(crop.height);
         let paths = options.pool_paths.unwrap_or(device.profile().pool_paths).max(1);
@@ -181,11 +181,7 @@ impl Renderer {
         })
     }
 
-    fn submit(
-        &self,
-        batches: &[Batch],
-        record: impl Fn(&Renderer, &mut Commands, &Batch),
-    ) -> Result<(), Error> {
+    fn submit(&self, batches: &[Batch], record: impl Fn(&Renderer, &mut Commands, &Batch)) -> Result<(), Error> {
         let per_submission = (SUBMISSION_DISPATCHES / self.settings.max_depth.saturating_mul(8)).max(1) as usize;
         let mut in_flight = None;
         for group in batches.chunks(per_submission) {
@@ -309,8 +305,13 @@ impl Renderer {
 
     /// The picture so far, and what its file should say about it.
     pub fn picture(&self) -> Result<(Picture, Metadata), Error> {
-        let picture =
-            film::picture(self.crop.width, self.crop.height, self.samples, &self.pixels.read()?, &self.read_features()?);
+        let picture = film::picture(
+            self.crop.width,
+            self.crop.height,
+            self.samples,
+            &self.pixels.read()?,
+            &self.read_features()?,
+        );
         let metadata = Metadata {
             scene_hash: self.identity.scene.clone(),
             spp: u64::from(self.samples),
@@ -445,7 +446,9 @@ mod tests {
     /// Whatever the pool holds, every sample of every pixel is in exactly one batch, and none overfills the pool.
     #[test]
     fn batches_cover_each_sample_once() {
-        for (pixels, samples, capacity) in [(10, 3, 1), (10, 3, 7), (10, 16, 5), (1, 100, 64), (1000, 16, 4096), (7, 1, 7)] {
+        for (pixels, samples, capacity) in
+            [(10, 3, 1), (10, 3, 7), (10, 16, 5), (1, 100, 64), (1000, 16, 4096), (7, 1, 7)]
+        {
             let mut taken = vec![0; (pixels * u64::from(samples)) as usize];
             for batch in batches(pixels, 5, samples, capacity) {
                 assert!(batch.pixels * batch.samples <= capacity);
