@@ -54,6 +54,7 @@ layout(buffer_reference, scalar, buffer_reference_align = 8) readonly buffer Mat
 layout(buffer_reference, scalar, buffer_reference_align = 8) readonly buffer SceneTable {
     InstanceArray instances;
     MeshArray meshes;
+    BvhNodeArray nodes;          // the tree over instances
     MaterialArray materials;
     TextureArray textures;
     AliasArray light_alias;

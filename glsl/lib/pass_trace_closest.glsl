@@ -15,17 +15,18 @@ void pass_trace_closest() {
     uint place = gl_GlobalInvocationID.x;
     uint length = bounce == 0u ? pixel_count * samples_per_pixel : queue_length(bounce, QUEUE_TRACE);
     bool has_path = place < length;
-    uint slot = place;
+    uint slot = has_path && bounce != 0u ? queue_slot(QUEUE_TRACE, place) : has_path ? place : 0u;
+    // All invocations trace: a traversal may need the whole subgroup. A ray that ends before it starts meets nothing.
+    Hit hit = trace_closest(pool.origin.at[slot].xyz, pool.direction.at[slot].xyz, has_path ? INFINITY : -1.0);
+    bool missed = has_path && hit.instance == NO_HIT;
     uint family = 32u;
-    bool missed = false;
     if (has_path) {
-        slot = bounce == 0u ? place : queue_slot(QUEUE_TRACE, place);
-        Hit hit = trace_closest(pool.origin.at[slot].xyz, pool.direction.at[slot].xyz, INFINITY);
         pool.hit.at[slot] = uvec2(hit.instance, hit.triangle);
-        missed = hit.instance == NO_HIT;
-        if (!missed) {
-            family = ONE_FAMILY ? uint(findLSB(FAMILY_MASK)) : material_family(scene.materials.at[material_of(scene.meshes.at[scene.instances.at[hit.instance].mesh], hit.triangle)].flags);
-        }
+    }
+    if (hit.instance != NO_HIT) {
+        MeshRecord mesh = scene.meshes.at[scene.instances.at[hit.instance].mesh];
+        family = ONE_FAMILY ? uint(findLSB(FAMILY_MASK))
+                            : material_family(scene.materials.at[material_of(mesh, hit.triangle)].flags);
     }
     for (uint f = 0u; f < 4u; ++f) {
         if ((FAMILY_MASK & (1u << f)) != 0u) {

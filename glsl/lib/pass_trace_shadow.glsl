@@ -6,13 +6,14 @@
 #include "lib/queue.glsl"
 
 void pass_trace_shadow() {
-    uint place = gl_GlobalInvocationID.x;
-    if (place >= queue_length(bounce, QUEUE_SHADOW)) {
-        return;
-    }
+    // All invocations trace: a traversal may need the whole subgroup. A ray that ends before it starts meets nothing.
+    uint length = queue_length(bounce, QUEUE_SHADOW);
+    bool has_ray = gl_GlobalInvocationID.x < length;
+    uint place = has_ray ? gl_GlobalInvocationID.x : 0u;
     vec4 origin = pool.shadow_origin.at[place];
     vec4 direction = pool.shadow_direction.at[place];
-    if (!trace_any(origin.xyz, direction.xyz, 1.0)) {
+    bool occluded = trace_any(origin.xyz, direction.xyz, has_ray ? 1.0 : -1.0);
+    if (has_ray && !occluded) {
         uvec2 path = pool.shadow_path.at[place];
         pool.radiance.at[path.x].rgb += vec3(origin.w, direction.w, uintBitsToFloat(path.y));
     }

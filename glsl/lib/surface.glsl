@@ -9,8 +9,6 @@
 #include "lib/offset.glsl"
 #include "lib/triangle.glsl"
 
-layout(constant_id = 7) const bool INSTANCED = true;
-
 struct Surface {
     vec3 position;            // world space
     vec3 position_error;      // bounds of its rounding error

@@ -79,6 +79,7 @@ impl DeviceScene {
         let table = SceneTable {
             instances: geometry.instances_address(),
             meshes: geometry.meshes_address(),
+            nodes: geometry.nodes_address(),
             materials,
             textures,
             light_alias,
@@ -102,6 +103,11 @@ impl DeviceScene {
     /// Where the kernels find the scene.
     pub fn table_address(&self) -> u64 {
         self.table.address()
+    }
+
+    /// What kernels that trace are to be specialized with: see [`Geometry::specialization`].
+    pub fn specialization(&self) -> [(u32, u32); 2] {
+        self.geometry.specialization()
     }
 
     /// The top-level acceleration structure, for ray query.

@@ -38,6 +38,16 @@ pub enum Error {
         /// The device's name.
         device: String,
     },
+    /// A mesh has more triangles than its tree can index.
+    #[error("mesh '{mesh}' has {triangles} triangles, {most} at most: split it")]
+    MeshSize {
+        /// The mesh's name.
+        mesh: String,
+        /// How many it has.
+        triangles: usize,
+        /// How many it may have.
+        most: usize,
+    },
     /// The settings are out of range.
     #[error("{name} is {found}, but must be {expected}")]
     Setting {

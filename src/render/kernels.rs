@@ -115,14 +115,16 @@ pub struct Kernels {
 }
 
 impl Kernels {
-    /// Builds what the scene needs, several at once.
+    /// Builds what the scene needs, several at once, with further constants that hang on how the scene was uploaded.
     pub fn build(
         device: &Arc<Device>,
         features: &Features,
         traversal: Traversal,
         settings: &Settings,
+        further: &[(u32, u32)],
     ) -> Result<Kernels, Error> {
-        let plans = features.kernels(traversal, settings, device.profile().workgroup_size);
+        let mut plans = features.kernels(traversal, settings, device.profile().workgroup_size);
+        plans.iter_mut().for_each(|plan| plan.specialization.extend(further));
         let sources = plans
             .iter()
             .map(|plan| {

@@ -60,6 +60,7 @@ crate::shared_structs! {
     pub struct SceneTable {
         pub instances: u64,
         pub meshes: u64,
+        pub nodes: u64,
         pub materials: u64,
         pub textures: u64,
         pub light_alias: u64,

@@ -66,8 +66,8 @@ impl Renderer {
         let lights = LightTable::new(scene);
         let features = Features::of(scene, &lights);
         let workgroup_size = device.profile().workgroup_size;
-        let kernels = Kernels::build(device, &features, traversal, settings)?;
         let device_scene = DeviceScene::upload(device, scene, &lights, &features, traversal)?;
+        let kernels = Kernels::build(device, &features, traversal, settings, &device_scene.specialization())?;
 
         let pixel_count = u64::from(crop.width) * u64::from(crop.height);
         let paths = options.pool_paths.unwrap_or(device.profile().pool_paths).max(1);
