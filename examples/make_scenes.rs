@@ -355,7 +355,7 @@ rotate = 20
     save(folder, &files)?;
     let tile = |x: u32, y: u32| {
         let (column, row) = (x / 16, y / 16);
-        let mortar = x % 16 == 0 || y % 16 == 0;
+        let mortar = x.is_multiple_of(16) || y.is_multiple_of(16);
         let shade = Random(u64::from(row * 4 + column)).next();
         let [red, green, blue] = if (column + row) % 2 == 0 { [196.0, 186.0, 168.0] } else { [92.0, 104.0, 112.0] };
         let scale = if mortar { 0.5 } else { 0.75 + 0.25 * shade };

@@ -33,44 +33,8 @@ pub(super) enum Normals {
 pub(super) const CREASE_DEGREES: f32 = 40.0;
 
 /// Statements of the OBJ specification (Wavefront, version 3.0) that say nothing to a renderer of triangles.
-const IGNORED: [&str; 36] = [
-    "o",
-    "g",
-    "s",
-    "mg",
-    "lod",
-    "p",
-    "l",
-    "vp",
-    "cstype",
-    "deg",
-    "bmat",
-    "step",
-    "curv",
-    "curv2",
-    "surf",
-    "parm",
-    "trim",
-    "hole",
-    "scrv",
-    "sp",
-    "end",
-    "con",
-    "bevel",
-    "c_interp",
-    "d_interp",
-    "maplib",
-    "usemap",
-    "shadow_obj",
-    "trace_obj",
-    "ctech",
-    "stech",
-    "call",
-    "csh",
-    "bsp",
-    "bzp",
-    "cdc",
-];
+const IGNORED: &str = "o g s mg lod p l vp cstype deg bmat step curv curv2 surf parm trim hole scrv sp end con bevel \
+    c_interp d_interp maplib usemap shadow_obj trace_obj ctech stech call csh bsp bzp cdc";
 
 /// Those of them whose absence from the picture deserves a warning.
 const DRAWABLE: [&str; 5] = ["p", "l", "curv", "curv2", "surf"];
@@ -110,7 +74,10 @@ impl Census {
                     coordinate(&mut words).map_err(|fault| fault.of(format!("vertex {}", self.positions + 1)))?;
                 }
                 self.positions += 1;
-                push_words(out, "v", numbers, 3);
+                match words.next() {
+                    None => push_line(out, statement),
+                    Some(_) => push_words(out, "v", numbers, 3),
+                }
             }
             "vt" => {
                 coordinate(&mut words).map_err(|fault| fault.of(format!("texture coordinate {}", self.uvs + 1)))?;
@@ -136,7 +103,11 @@ impl Census {
                 if corners < 3 {
                     return Err(Fault::new(format!("a face of {corners} corners"), "at least 3"));
                 }
-                push_words(out, "f", numbers, usize::MAX);
+                if numbers.len() == rest.len() {
+                    push_line(out, statement);
+                } else {
+                    push_words(out, "f", numbers, usize::MAX);
+                }
             }
             "mtllib" if rest.is_empty() => return Err(Fault::new("no name", "the name of an MTL file")),
             "mtllib" => self.libraries.push((line, rest.to_owned())),
@@ -155,7 +126,7 @@ impl Census {
             _ if DRAWABLE.contains(&keyword) => {
                 self.warn_once(line, format!("`{keyword}` (points, lines, curves) is not rendered"));
             }
-            _ if IGNORED.contains(&keyword) => {}
+            _ if IGNORED.split_whitespace().any(|ignored| ignored == keyword) => {}
             _ if keyword.starts_with('#') => {}
             _ => {
                 return Err(Fault::new(
@@ -195,6 +166,11 @@ impl Census {
             Some(_) => Err(Fault::new(quote(corner), "at most position/texture coordinate/normal")),
         }
     }
+}
+
+fn push_line(out: &mut String, statement: &str) {
+    out.push_str(statement);
+    out.push('\n');
 }
 
 /// Appends a keyword and up to `count` words as a line.

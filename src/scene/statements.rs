@@ -59,15 +59,15 @@ impl<'a, R: BufRead, F: FnMut(usize, &str, &mut String) -> Result<(), Fault>> St
             let room = (LONGEST - start) as u64;
             let read = (&mut self.reader).take(room).read_until(b'\n', &mut self.raw);
             let read = read.map_err(|source| Error::read(self.file, None, source))?;
+            if self.raw.len() >= LONGEST {
+                let found = format!("a statement longer than {} MiB", LONGEST >> 20);
+                return Err(Error::unexpected(Place::line(self.file, self.line + 1), found, "a shorter one"));
+            }
             if read == 0 {
-                if self.raw.len() >= LONGEST {
-                    let found = format!("a statement longer than {} MiB", LONGEST >> 20);
-                    return Err(Error::unexpected(Place::line(self.file, self.line), found, "a shorter one"));
+                match start {
+                    0 => return Ok(false),
+                    _ => break,
                 }
-                if start == 0 {
-                    return Ok(false);
-                }
-                break;
             }
             self.line += 1;
             let end = self.raw.trim_ascii_end().len();
