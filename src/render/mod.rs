@@ -2,4 +2,4 @@
 
 mod material_record;
 
-pub use material_record::{Family, MaterialRecord, MaterialTable, family};
+pub use material_record::{Family, MATERIAL_STRUCTS, MaterialRecord, MaterialTable, family};
