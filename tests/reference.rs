@@ -480,3 +480,16 @@ fn single_rays_and_streams_meet_the_same_triangles() {
         assert_eq!(differing.count(), 0, "{mode:?}");
     }
 }
+
+/// Every scene that ships: finite, and of the same radiance by two seeds.
+#[test]
+fn shipped_scenes_render() {
+    for name in ["cornell", "furnace", "many_lights", "preview", "sky", "still_life"] {
+        let path = format!("{}/scenes/{name}/scene.toml", env!("CARGO_MANIFEST_DIR"));
+        let (mut scene, _) = Scene::load(path).unwrap();
+        scene.film = Film { width: 40, height: 40 };
+        let [first, second] = [1, 2].map(|seed| render(&scene, 32, 8, seed));
+        let comparison = prove_equal(&format!("reference-{name}"), &first, &second, 1e-4).unwrap();
+        println!("{name}\n{comparison}");
+    }
+}
