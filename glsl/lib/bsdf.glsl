@@ -16,7 +16,7 @@
 #include "lib/constants.glsl"
 
 // Directions with |cos θ| below this lie in the surface.
-const float MIN_COSINE = 1e-8;
+const float MIN_COSINE = 1e-6;
 
 struct BsdfSample {
     vec3 wi;
