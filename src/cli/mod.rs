@@ -7,7 +7,11 @@ mod progress;
 mod reference;
 mod render;
 
+use std::path::Path;
 use std::process::ExitCode;
+
+use anyhow::Result;
+use neubrdf::scene::{Film, Scene};
 
 use clap::{Parser, Subcommand};
 
@@ -48,4 +52,23 @@ pub fn main() -> ExitCode {
             ExitCode::FAILURE
         }
     }
+}
+
+/// Loads a scene, with another film size if `size` says so, and prints its warnings unless `quiet`.
+fn load(path: &Path, size: Option<Film>, quiet: bool) -> Result<Scene> {
+    let (mut scene, warnings) = Scene::load(path)?;
+    if !quiet {
+        for warning in &warnings {
+            eprintln!("warning: {warning}");
+        }
+    }
+    scene.film = size.unwrap_or(scene.film);
+    Ok(scene)
+}
+
+fn film_size(word: &str) -> Result<Film, String> {
+    word.split_once('x')
+        .and_then(|(width, height)| Some(Film { width: width.parse().ok()?, height: height.parse().ok()? }))
+        .filter(|film| film.width > 0 && film.height > 0)
+        .ok_or_else(|| format!("'{word}' is no size: expected WIDTHxHEIGHT in pixels, both at least 1"))
 }

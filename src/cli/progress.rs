@@ -6,6 +6,9 @@ use std::time::Duration;
 
 use indicatif::{ProgressBar, ProgressStyle};
 
+/// Steps of a bar over something that is not counted.
+pub const STEPS: u64 = 1000;
+
 /// A bar over `length` steps; `quiet` gives one that shows nothing.
 pub fn bar(length: u64, quiet: bool) -> ProgressBar {
     if quiet {

@@ -9,9 +9,11 @@ use std::time::Instant;
 
 use anyhow::{Context, Result, bail};
 use neubrdf::gpu::{DeviceChoice, Instance, Validation};
-use neubrdf::image;
-use neubrdf::render::{Checkpoint, Crop, Limits, Options, Renderer, Sampler, Settings, Stopped, Traversal, run as run_passes};
-use neubrdf::scene::{Film, Scene};
+use neubrdf::image::{self, Crop};
+use neubrdf::render::{
+    Checkpoint, Limits, Options, Renderer, Sampler, Settings, Stopped, Traversal, run as run_passes,
+};
+use neubrdf::scene::Film;
 use serde_json::json;
 
 use super::progress;
@@ -40,7 +42,7 @@ pub struct Arguments {
     #[arg(long)]
     error: Option<f64>,
     /// Size of the film instead of the scene's, as WIDTHxHEIGHT
-    #[arg(long, value_name = "WxH", value_parser = film_size)]
+    #[arg(long, value_name = "WxH", value_parser = super::film_size)]
     size: Option<Film>,
     /// Render a part of the film: x,y,width,height
     #[arg(long)]
@@ -106,19 +108,15 @@ impl std::str::FromStr for Aovs {
                 .split(',')
                 .map(|word| match AOVS.contains(&word) {
                     true => Ok(word.to_owned()),
-                    false => Err(format!("'{word}' is no feature channel: expected all, none, or some of {}", AOVS.join(","))),
+                    false => Err(format!(
+                        "'{word}' is no feature channel: expected all, none, or some of {}",
+                        AOVS.join(",")
+                    )),
                 })
                 .collect::<Result<_, _>>()
                 .map(Aovs),
         }
     }
-}
-
-fn film_size(word: &str) -> Result<Film, String> {
-    word.split_once('x')
-        .and_then(|(width, height)| Some(Film { width: width.parse().ok()?, height: height.parse().ok()? }))
-        .filter(|film| film.width > 0 && film.height > 0)
-        .ok_or_else(|| format!("'{word}' is no size: expected WIDTHxHEIGHT in pixels, both at least 1"))
 }
 
 /// Loads, renders, writes.
@@ -132,15 +130,7 @@ pub fn run(arguments: Arguments) -> Result<ExitCode> {
         }
     }
     let loading = Instant::now();
-    let (mut scene, warnings) = Scene::load(&arguments.scene)?;
-    if !arguments.quiet {
-        for warning in &warnings {
-            eprintln!("warning: {warning}");
-        }
-    }
-    if let Some(film) = arguments.size {
-        scene.film = film;
-    }
+    let scene = super::load(&arguments.scene, arguments.size, arguments.quiet)?;
     let load_seconds = loading.elapsed().as_secs_f64();
 
     let preparing = Instant::now();
@@ -166,7 +156,7 @@ pub fn run(arguments: Arguments) -> Result<ExitCode> {
         renderer.checkpoint()?.write(path)?;
     }
     let (mut picture, metadata) = renderer.picture()?;
-    picture.keep_features(&arguments.aov.0);
+    drop_unwanted(&mut picture, &arguments.aov);
     if let Some(path) = &arguments.output {
         image::write_exr(path, &picture, &metadata)?;
     }
@@ -192,13 +182,27 @@ pub fn run(arguments: Arguments) -> Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
+/// Takes away the feature channels that the user does not want.
+fn drop_unwanted(picture: &mut image::Picture, wanted: &Aovs) {
+    let unwanted = |name: &str| {
+        AOVS.iter().any(|feature| {
+            name.strip_prefix(feature).is_some_and(|rest| rest.starts_with('.'))
+                && !wanted.0.iter().any(|w| w == feature)
+        })
+    };
+    let names: Vec<String> = picture.names().filter(|name| unwanted(name)).map(String::from).collect();
+    for name in names {
+        picture.remove(&name);
+    }
+}
+
 /// Renders under a bar, with checkpoints, until a limit or Ctrl-C.
 fn render(arguments: &Arguments, renderer: &mut Renderer) -> Result<Stopped> {
     let open_end = arguments.time.is_some() || arguments.error.is_some();
     let samples = arguments.spp.unwrap_or(if open_end { u32::MAX } else { 64 });
     let limits = Limits { samples, seconds: arguments.time, error: arguments.error };
     let interrupted = progress::interrupt_flag()?;
-    let bar = progress::bar(STEPS, arguments.quiet);
+    let bar = progress::bar(progress::STEPS, arguments.quiet);
     let last_checkpoint = Cell::new(Instant::now());
     let mut failure = None;
     let stopped = run_passes(renderer, &limits, |renderer, progress| {
@@ -228,14 +232,11 @@ fn save(renderer: &Renderer, path: &Path) -> Result<()> {
     Ok(renderer.checkpoint()?.write(path)?)
 }
 
-/// Steps of the bar.
-const STEPS: u64 = 1000;
-
 /// How far along the nearest limit is.
-fn progress_position(limits: &Limits, progress: &neubrdf::render::Progress) -> u64 {
-    let samples = f64::from(progress.samples) / f64::from(limits.samples);
-    let seconds = limits.seconds.map_or(0.0, |limit| progress.seconds / limit);
+fn progress_position(limits: &Limits, so_far: &neubrdf::render::Progress) -> u64 {
+    let samples = f64::from(so_far.samples) / f64::from(limits.samples);
+    let seconds = limits.seconds.map_or(0.0, |limit| so_far.seconds / limit);
     // The error falls about as 1/√samples, so that its square says how much of the work is done.
-    let error = limits.error.zip(progress.error).map_or(0.0, |(limit, error)| (limit / error).powi(2));
-    (samples.max(seconds).max(error).min(1.0) * STEPS as f64) as u64
+    let error = limits.error.zip(so_far.error).map_or(0.0, |(limit, error)| (limit / error).powi(2));
+    (samples.max(seconds).max(error).min(1.0) * progress::STEPS as f64) as u64
 }

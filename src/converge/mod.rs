@@ -1,10 +1,12 @@
 //! Whether two pictures show the same radiance: error metrics, statistical tests, and their reports.
 
+mod chi_square;
 mod compare;
 mod metrics;
 mod normal;
 mod z_test;
 
+pub use chi_square::{ChiSquare, chi_square_survival, chi_square_test};
 pub use compare::{Comparison, difference, prove_equal, write_difference_png, write_evidence};
 pub use metrics::Metrics;
 pub use normal::{sidak, two_sided_p};

@@ -29,6 +29,8 @@ pub struct Commands {
     passes: Vec<String>,
     queries: Vec<vk::QueryPool>,
     error: Option<Error>,
+    /// What is dropped while it is open may still be used by it.
+    recording: Option<u64>,
 }
 
 impl Commands {
@@ -80,6 +82,7 @@ impl Commands {
             passes: Vec::new(),
             queries: Vec::new(),
             error: None,
+            recording: Some(device.open_recording()),
         }
     }
 
@@ -120,7 +123,7 @@ impl Commands {
 
     /// Runs as many workgroups as the three `u32` at byte `offset` of `counts` say when the pass is reached.
     pub fn dispatch_indirect(&mut self, kernel: &Kernel, counts: &Buffer, offset: u64, push: &impl Pod) {
-        if offset % 4 != 0 {
+        if !offset.is_multiple_of(4) {
             return self.fail(format!("indirect dispatch of {} from offset {offset}, no multiple of 4", kernel.name()));
         }
         if self.in_buffer(counts, offset, 12).is_some() && self.prepare(kernel, bytemuck::bytes_of(push)) {
@@ -144,7 +147,7 @@ impl Commands {
 
     /// Fills bytes of the buffer with a word; both ends of the range are multiples of 4.
     pub fn fill(&mut self, buffer: &Buffer, range: Range<u64>, word: u32) {
-        if range.start % 4 != 0 || range.end % 4 != 0 || range.end < range.start {
+        if !range.start.is_multiple_of(4) || !range.end.is_multiple_of(4) || range.end < range.start {
             return self.fail(format!("fill of bytes {range:?} of buffer {}, not whole words", buffer.name()));
         }
         let bytes = range.end - range.start;
@@ -325,6 +328,13 @@ impl Commands {
         Ok(self.raw)
     }
 
+    /// The recording was submitted, or never will be.
+    pub(super) fn close(&mut self) {
+        if let Some(recording) = self.recording.take() {
+            self.device.close_recording(recording);
+        }
+    }
+
     /// The passes with their times in nanoseconds; the work is done.
     fn times(&self) -> Result<Vec<(String, Option<u64>)>> {
         let raw = &self.device.raw;
@@ -350,6 +360,7 @@ impl Commands {
 
 impl Drop for Commands {
     fn drop(&mut self) {
+        self.close();
         for pool in self.queries.drain(..) {
             self.device.retire(Retired::QueryPool(pool));
         }

@@ -1,6 +1,6 @@
 //! A Vulkan device with its queue, its memory and the timeline that orders all work on it.
 
-use std::collections::VecDeque;
+use std::collections::{BTreeSet, VecDeque};
 use std::sync::{Arc, Mutex};
 
 use ash::{ext, khr, vk};
@@ -31,7 +31,7 @@ pub struct Device {
     /// Reaches n when the n-th submission is done.
     timeline: vk::Semaphore,
     queue: Mutex<Queue>,
-    retired: Mutex<VecDeque<(u64, Retired)>>,
+    graveyard: Mutex<Graveyard>,
     owned: bool,
     // Last: the instance outlives the device.
     instance: Arc<Instance>,
@@ -43,7 +43,20 @@ struct Queue {
     last_pass: Option<String>,
 }
 
-/// A Vulkan object whose owner is gone, kept until the work submitted before that is done.
+/// Vulkan objects whose owners are gone, kept until no work can use them any longer: neither work that was submitted
+/// by then, nor work that was being recorded then and is submitted later.
+#[derive(Default)]
+struct Graveyard {
+    recordings: u64,
+    /// Recordings begun and neither submitted nor given up.
+    open: BTreeSet<u64>,
+    /// Objects that recordings below the number may use.
+    recorded: VecDeque<(u64, Retired)>,
+    /// Objects that submissions up to the number may use.
+    submitted: VecDeque<(u64, Retired)>,
+}
+
+/// A Vulkan object whose owner is gone.
 pub(super) enum Retired {
     Buffer(vk::Buffer, Allocation),
     Pipeline(vk::Pipeline),
@@ -81,10 +94,6 @@ impl Device {
         if report.ray_query {
             extensions.extend(profile::RAY_QUERY_EXTENSIONS.map(|name| name.as_ptr()));
             info = info.push_next(&mut acceleration).push_next(&mut ray_query);
-        }
-        // MoltenVK must be told that we know what it lacks.
-        if profile::extensions(instance, physical).contains("VK_KHR_portability_subset") {
-            extensions.push(khr::portability_subset::NAME.as_ptr());
         }
         let info = info.enabled_extension_names(&extensions);
         // SAFETY: the report says that the physical device has the features and extensions that `info` enables.
@@ -158,7 +167,7 @@ impl Device {
             has_ray_query,
             timeline: vk::Semaphore::null(),
             queue: Mutex::new(Queue { raw: queue, submitted: 0, last_pass: None }),
-            retired: Mutex::default(),
+            graveyard: Mutex::default(),
             owned,
             instance: instance.clone(),
             report,
@@ -256,7 +265,7 @@ impl Device {
         }
         drop(queue);
         result.map_err(self.error("vkQueueSubmit"))?;
-        self.free_retired();
+        commands.close();
         Ok(Submission::new(commands, after[0]))
     }
 
@@ -285,21 +294,42 @@ impl Device {
         unsafe { self.raw.get_semaphore_counter_value(self.timeline) }.map_err(self.error("vkGetSemaphoreCounterValue"))
     }
 
-    /// Destroys the object as soon as the work submitted so far is done.
-    pub(super) fn retire(&self, object: Retired) {
-        let submitted = lock(&self.queue).submitted;
-        lock(&self.retired).push_back((submitted, object));
+    /// Takes note of a recording: what is dropped from now on may still be used by it.
+    pub(super) fn open_recording(&self) -> u64 {
+        let mut graveyard = lock(&self.graveyard);
+        graveyard.recordings += 1;
+        let recording = graveyard.recordings;
+        graveyard.open.insert(recording);
+        recording
+    }
+
+    /// The recording was submitted, or never will be.
+    pub(super) fn close_recording(&self, recording: u64) {
+        lock(&self.graveyard).open.remove(&recording);
         self.free_retired();
     }
 
-    /// Destroys the retired objects that no work uses any longer.
+    /// Destroys the object as soon as no work can use it any longer.
+    pub(super) fn retire(&self, object: Retired) {
+        let mut graveyard = lock(&self.graveyard);
+        let next = graveyard.recordings + 1;
+        graveyard.recorded.push_back((next, object));
+        drop(graveyard);
+        self.free_retired();
+    }
+
+    /// Destroys the retired objects that no work can use any longer.
     pub(super) fn free_retired(&self) {
         let Ok(completed) = self.completed() else { return };
-        let mut retired = lock(&self.retired);
-        while retired.front().is_some_and(|(number, _)| *number <= completed) {
-            if let Some((_, object)) = retired.pop_front() {
-                self.destroy(object);
-            }
+        let mut graveyard = lock(&self.graveyard);
+        // Read after the lock: whatever closed a recording has counted its submission by then.
+        let submitted = lock(&self.queue).submitted;
+        let oldest = graveyard.open.first().copied().unwrap_or(u64::MAX);
+        while let Some((_, object)) = pop_front_if(&mut graveyard.recorded, |next| next <= oldest) {
+            graveyard.submitted.push_back((submitted, object));
+        }
+        while let Some((_, object)) = pop_front_if(&mut graveyard.submitted, |number| number <= completed) {
+            self.destroy(object);
         }
     }
 
@@ -367,8 +397,8 @@ impl Drop for Device {
         if self.timeline != vk::Semaphore::null() {
             let _ = self.wait();
         }
-        let retired = std::mem::take(&mut *lock(&self.retired));
-        retired.into_iter().for_each(|(_, object)| self.destroy(object));
+        let retired = std::mem::take(&mut *lock(&self.graveyard));
+        retired.submitted.into_iter().chain(retired.recorded).for_each(|(_, object)| self.destroy(object));
         self.pipeline_cache.save(&self.raw);
         lock(&self.allocator).take();
         // SAFETY: all work is done and everything made from the device is gone, as it would have kept the device.
@@ -381,5 +411,12 @@ impl Drop for Device {
                 self.raw.destroy_device(None);
             }
         }
+    }
+}
+
+fn pop_front_if<T>(queue: &mut VecDeque<(u64, T)>, wanted: impl Fn(u64) -> bool) -> Option<(u64, T)> {
+    match queue.front() {
+        Some((number, _)) if wanted(*number) => queue.pop_front(),
+        _ => None,
     }
 }

@@ -26,9 +26,9 @@
 //! **Order.** Submissions of one device run one after the other, in the order of [`Device::submit`]; each sees what those
 //! before it wrote. Within one, passes that depend on each other need [`Commands::barrier`] between them.
 //!
-//! **Lifetime.** A buffer, kernel or acceleration structure may be dropped while *submitted* work still uses it: its
-//! memory is given back once that work is done. It must not be dropped between recording and submitting, nor while
-//! commands that a host submitted ([`Commands::wrap`]) use it.
+//! **Lifetime.** A buffer, kernel or acceleration structure may be dropped at any time: its memory is given back once the
+//! work that was recorded or submitted by then is done. Only of commands that a host submits ([`Commands::wrap`]) this
+//! room knows nothing after [`Commands::finish`]: what they use must be kept until they are done.
 
 #![allow(unsafe_code)]
 

@@ -140,3 +140,41 @@ impl Picture {
         self.planes.iter().map(|(name, samples)| (name.as_str(), samples))
     }
 }
+
+/// A rectangle of pixels.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Crop {
+    /// Its left column.
+    pub x: u32,
+    /// Its upper row.
+    pub y: u32,
+    /// Pixels across.
+    pub width: u32,
+    /// Pixels down.
+    pub height: u32,
+}
+
+impl Crop {
+    /// Whether it has pixels, all of them on a film of this size.
+    pub fn fits(&self, film_width: u32, film_height: u32) -> bool {
+        let within = |start: u32, length: u32, whole: u32| {
+            length > 0 && start.checked_add(length).is_some_and(|end| end <= whole)
+        };
+        within(self.x, self.width, film_width) && within(self.y, self.height, film_height)
+    }
+}
+
+impl std::str::FromStr for Crop {
+    type Err = String;
+
+    /// `x,y,width,height` in pixels.
+    fn from_str(word: &str) -> Result<Self, String> {
+        let numbers: Option<Vec<u32>> = word.split(',').map(|number| number.trim().parse().ok()).collect();
+        match numbers.as_deref() {
+            Some(&[x, y, width, height]) if width > 0 && height > 0 => Ok(Crop { x, y, width, height }),
+            _ => Err(format!(
+                "'{word}' is no crop: expected x,y,width,height in whole pixels, width and height at least 1"
+            )),
+        }
+    }
+}

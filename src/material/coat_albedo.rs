@@ -79,8 +79,8 @@ impl CoatAlbedo {
 /// where the integrand is even and periodic, and midpoints in t with u = sin²(πt/2), which takes the square roots
 /// out of both ends.
 fn albedo(ggx: Ggx, ior: f64, cosine: f64) -> f64 {
-    const AZIMUTHS: u32 = 24;
-    const RINGS: u32 = 96;
+    const AZIMUTHS: u32 = 48;
+    const RINGS: u32 = 128;
     let wo = DVec3::new((1.0 - cosine * cosine).sqrt(), 0.0, cosine);
     let mut sum = 0.0;
     for ring in 0..RINGS {

@@ -105,7 +105,8 @@ impl Checkpoint {
             return Err("its checksum does not match: it was cut short or changed");
         }
         let (length, rest) = rest.split_first_chunk::<4>().ok_or("it is too short")?;
-        let (header, film) = rest.split_at_checked(u32::from_le_bytes(*length) as usize).ok_or("its header is cut short")?;
+        let (header, film) =
+            rest.split_at_checked(u32::from_le_bytes(*length) as usize).ok_or("its header is cut short")?;
         let Header { identity, samples, seconds, rejected } =
             serde_json::from_slice(header).map_err(|_| "its header is of another version")?;
         let [_, _, width, height] = identity.crop;

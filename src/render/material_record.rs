@@ -1,6 +1,5 @@
 //! Materials as the device reads them: `glsl/layout/material.glsl`.
 
-use bytemuck::{Pod, Zeroable};
 use glam::Vec2;
 
 use crate::material::{CoatAlbedo, INDEX_MATCH, SMOOTH_ALPHA, color};
@@ -45,21 +44,25 @@ pub fn family(surface: &Surface) -> Family {
     }
 }
 
-/// A material; mirrors `MaterialRecord` in `glsl/layout/material.glsl`, which says what the members mean.
-#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
-#[repr(C)]
-#[allow(missing_docs)]
-pub struct MaterialRecord {
-    pub color: [f32; 3],
-    pub texture_index: u32,
-    pub eta: [f32; 3],
-    pub flags: u32,
-    pub kappa: [f32; 3],
-    pub ior: f32,
-    pub emission: [f32; 3],
-    pub base_scale: f32,
-    pub alpha: [f32; 2],
-    pub coat: u64,
+crate::shared_structs! {
+    /// The structs of `glsl/layout/material.glsl`.
+    pub const MATERIAL_STRUCTS;
+
+    /// A material; the GLSL says what the members mean.
+    #[derive(PartialEq)]
+    #[allow(missing_docs)]
+    pub struct MaterialRecord {
+        pub color: [f32; 3],
+        pub texture_index: u32,
+        pub eta: [f32; 3],
+        pub flags: u32,
+        pub kappa: [f32; 3],
+        pub ior: f32,
+        pub emission: [f32; 3],
+        pub base_scale: f32,
+        pub alpha: [f32; 2],
+        pub coat: u64,
+    }
 }
 
 impl MaterialRecord {

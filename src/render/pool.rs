@@ -69,8 +69,11 @@ impl Pool {
         let lights = features.has_lights();
         let bounces = u64::from(settings.max_depth) + 1;
         let empty = QueueCounter { groups: [0, 1, 1], count: 0 };
-        let empty_counters =
-            Buffer::with_data(device, "empty queue counters", &vec![empty; (bounces * u64::from(QUEUE_COUNT)) as usize])?;
+        let empty_counters = Buffer::with_data(
+            device,
+            "empty queue counters",
+            &vec![empty; (bounces * u64::from(QUEUE_COUNT)) as usize],
+        )?;
         let counters = Buffer::new(device, "queue counters", empty_counters.size(), Memory::Device)?;
         let table = PathPool {
             origin: array("ray origins", 16, true)?,

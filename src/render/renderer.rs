@@ -10,9 +10,9 @@ use super::kernels::{Features, Kernels, shade_kernel};
 use super::layout::{CameraRecord, ErrorPass, FeaturePixel, FilmPixel, FilmTable, Pass};
 use super::material_record::Family;
 use super::pool::{Pool, Queue};
-use super::settings::{Crop, Settings, Traversal};
+use super::settings::{Settings, Traversal};
 use crate::gpu::{Buffer, Commands, Device, Memory};
-use crate::image::{Metadata, Picture};
+use crate::image::{Crop, Metadata, Picture};
 use crate::scene::{Camera, LightTable, Scene};
 
 /// What a user may choose that does not change the picture.
@@ -383,8 +383,7 @@ fn crop_of(scene: &Scene, settings: &Settings) -> Result<Crop, Error> {
     let film = scene.film;
     let whole = Crop { x: 0, y: 0, width: film.width, height: film.height };
     let crop = settings.crop.unwrap_or(whole);
-    let fits = |start: u32, length: u32, of: u32| length > 0 && start.checked_add(length).is_some_and(|end| end <= of);
-    if !fits(crop.x, crop.width, film.width) || !fits(crop.y, crop.height, film.height) {
+    if !crop.fits(film.width, film.height) {
         let Crop { x, y, width, height } = crop;
         return Err(Error::Crop { x, y, width, height, film_width: film.width, film_height: film.height });
     }

@@ -3,6 +3,8 @@
 use std::fmt;
 use std::str::FromStr;
 
+use crate::image::Crop;
+
 /// How rays find triangles.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Traversal {
@@ -20,19 +22,6 @@ pub enum Sampler {
     Sobol = 0,
     /// Independent numbers, whose sample variance is the true one: for statistics.
     Pcg = 1,
-}
-
-/// A rectangle of pixels.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub struct Crop {
-    /// Left column.
-    pub x: u32,
-    /// Top row.
-    pub y: u32,
-    /// Columns, ≥ 1.
-    pub width: u32,
-    /// Rows, ≥ 1.
-    pub height: u32,
 }
 
 /// What changes the picture. Pool size, tile order and device are not here: they do not.
@@ -104,19 +93,5 @@ impl fmt::Display for Sampler {
             Sampler::Sobol => "sobol",
             Sampler::Pcg => "pcg",
         })
-    }
-}
-
-impl FromStr for Crop {
-    type Err = UnknownChoice;
-
-    /// `x,y,width,height` in pixels.
-    fn from_str(word: &str) -> Result<Self, UnknownChoice> {
-        let error = || UnknownChoice { what: "crop", found: word.into(), expected: "x,y,width,height in whole pixels" };
-        let numbers: Vec<u32> = word.split(',').map(|n| n.trim().parse()).collect::<Result<_, _>>().map_err(|_| error())?;
-        match numbers[..] {
-            [x, y, width, height] if width > 0 && height > 0 => Ok(Crop { x, y, width, height }),
-            _ => Err(error()),
-        }
     }
 }

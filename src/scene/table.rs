@@ -134,7 +134,7 @@ impl<'a> Value<'a> {
             self.error(match (least, most) {
                 (f32::MIN, f32::MAX) => "a finite number".to_owned(),
                 (f32::MIN_POSITIVE, f32::MAX) => "a number above 0".to_owned(),
-                (_, f32::MAX) => format!("a number of at least {least}"),
+                (_, 1e6..) => format!("a number from {least} to {most:e}"),
                 _ => format!("a number from {least} to {most}"),
             })
         })

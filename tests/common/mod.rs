@@ -100,10 +100,7 @@ pub fn diffuse(albedo: f32) -> Surface {
 }
 
 pub fn conductor(f0: f32, alpha: f32) -> Surface {
-    Surface::Conductor {
-        fresnel: Fresnel::Schlick { f0: Color::constant(Vec3::splat(f0)) },
-        alpha: Vec2::splat(alpha),
-    }
+    Surface::Conductor { fresnel: Fresnel::Schlick { f0: Color::constant(Vec3::splat(f0)) }, alpha: Vec2::splat(alpha) }
 }
 
 pub fn lamp(radiance: f32) -> Material {
