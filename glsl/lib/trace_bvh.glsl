@@ -243,7 +243,7 @@ uint trace_mesh(MeshRecord mesh, vec3 origin, vec3 direction, bool any, inout fl
 Hit trace(vec3 origin, vec3 direction, bool any, float t_max) {
     Hit hit = Hit(NO_HIT, 0u);
     if (!INSTANCED) {
-        hit.triangle = trace_mesh(scene.meshes.at[0], origin, direction, any, t_max);
+        hit.triangle = trace_mesh(scene.meshes.at[scene.instances.at[0].mesh], origin, direction, any, t_max);
         hit.instance = hit.triangle == NO_HIT ? NO_HIT : 0u;
         return hit;
     }

@@ -55,7 +55,7 @@ impl Features {
             sun: scene.sun.is_some_and(|sun| sun.irradiance != Vec3::ZERO),
             textures: used().any(|material| has_texture(&material.surface)),
             lens: scene.camera.lens.is_some(),
-            instanced: scene.instances.len() != 1 || scene.instances[0].object_to_world != Affine3A::IDENTITY,
+            instanced: is_instanced(scene),
         }
     }
 
@@ -97,6 +97,11 @@ impl Features {
         .chain([(self.has_lights() && scatters).then_some(shadow), Some("resolve"), Some("estimate_error")]);
         names.flatten().map(|name| KernelPlan { name, specialization: common.to_vec() }).collect()
     }
+}
+
+/// Whether a traversal has to look at instances: there are more than one, or one that is not where its mesh is.
+pub(super) fn is_instanced(scene: &Scene) -> bool {
+    scene.instances.len() != 1 || scene.instances[0].object_to_world != Affine3A::IDENTITY
 }
 
 fn has_texture(surface: &Surface) -> bool {
