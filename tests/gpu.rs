@@ -190,6 +190,40 @@ fn submissions_see_what_those_before_them_wrote() {
 }
 
 #[test]
+fn what_a_recording_uses_may_be_dropped_before_it_is_submitted() {
+    on_every_device(|device| {
+        let result = Buffer::new(device, "result", 4000, Memory::Device).unwrap();
+        let mut commands = Commands::begin(device).unwrap();
+        {
+            let between = Buffer::new(device, "between", 4000, Memory::Device).unwrap();
+            let kernel = kernel(device, "gpu_test_fill", &[]);
+            let push = GpuTestFillPush { words: between.address(), count: 1000, pad: 0 };
+            commands.dispatch(&kernel, kernel.groups_for(1000), &push);
+            commands.barrier();
+            commands.copy(&between, 0, &result, 0, 4000);
+        }
+        // It would land where the dropped buffer was.
+        let other = Buffer::with_data(device, "other", &[7u32; 1000]).unwrap();
+        device.submit(commands).unwrap().wait().unwrap();
+        assert!(result.read::<u32>().unwrap().into_iter().eq(0..1000));
+        assert_eq!(other.read::<u32>().unwrap(), [7; 1000]);
+    });
+}
+
+#[test]
+fn synchronization_validation_finds_a_missing_barrier() {
+    let instance = match Instance::new(Validation::Sync) {
+        Ok(instance) => instance,
+        Err(error) => return eprintln!("skipped: {error}"),
+    };
+    let Ok(device) = instance.open(&DeviceChoice::Auto) else { return eprintln!("skipped: no device") };
+    let buffer = Buffer::new(&device, "written twice", 64, Memory::Device).unwrap();
+    submit(&device, |commands| (0..2).for_each(|word| commands.fill(&buffer, 0..64, word)));
+    let messages = device.validation_messages();
+    assert!(messages.iter().any(|message| message.contains("SYNC-HAZARD-WRITE-AFTER-WRITE")), "{messages:?}");
+}
+
+#[test]
 fn the_first_mistake_in_recording_is_what_submitting_reports() {
     on_every_device(|device| {
         let buffer = Buffer::new(device, "small", 16, Memory::Device).unwrap();
@@ -211,14 +245,12 @@ fn the_first_mistake_in_recording_is_what_submitting_reports() {
 }
 
 #[test]
-fn more_memory_than_there_is_is_an_error() {
-    on_every_device(|device| match Buffer::new(device, "the library of Babel", 1 << 60, Memory::Device) {
-        Err(Error::OutOfMemory { what, bytes, .. }) => {
-            assert!(what.contains("the library of Babel"), "{what}");
-            assert_eq!(bytes, 1 << 60);
+fn more_memory_than_a_device_allows_is_an_error() {
+    on_every_device(|device| {
+        for bytes in [device.limits().max_memory_allocation_size + 1, 1 << 60, u64::MAX] {
+            let error = Buffer::new(device, "the library of Babel", bytes, Memory::Device).err().unwrap();
+            assert!(matches!(&error, Error::BufferTooLarge { bytes: found, .. } if *found == bytes), "{error}");
         }
-        Err(other) => panic!("{other}"),
-        Ok(_) => panic!("2^60 bytes"),
     });
 }
 
@@ -291,17 +323,22 @@ fn an_empty_scene_is_missed() {
         if !device.has_ray_query() {
             return eprintln!("  skipped: no ray query");
         }
+        let nothing = Blas::build(device, &[]).unwrap();
         let tlas = Tlas::build(device, &[]).unwrap();
+        let of_nothing = Tlas::build(device, &[at(&nothing, [0.0; 3], 0)]).unwrap();
         let ray = GpuTestRay { origin: [0.0; 3], t_max: 1.0, direction: [0.0, 0.0, 1.0], mask: 1 };
         let rays = Buffer::with_data(device, "rays", &[ray]).unwrap();
         let hits = Buffer::new(device, "hits", 16, Memory::Device).unwrap();
         let kernel = kernel(device, "gpu_test_ray_query", &[]);
-        submit(device, |commands| {
-            commands.bind_tlas(&tlas);
-            let push = GpuTestRayQueryPush { rays: rays.address(), hits: hits.address(), count: 1, pad: 0 };
-            commands.dispatch(&kernel, [1, 1, 1], &push);
-        });
-        assert_eq!(hits.read::<GpuTestHit>().unwrap()[0].custom_index, u32::MAX);
+        for tlas in [tlas, of_nothing] {
+            hits.write(0, &[0u32]).unwrap();
+            submit(device, |commands| {
+                commands.bind_tlas(&tlas);
+                let push = GpuTestRayQueryPush { rays: rays.address(), hits: hits.address(), count: 1, pad: 0 };
+                commands.dispatch(&kernel, [1, 1, 1], &push);
+            });
+            assert_eq!(hits.read::<GpuTestHit>().unwrap()[0].custom_index, u32::MAX);
+        }
         assert!(matches!(
             Tlas::build(device, &[at(&square(device), [0.0; 3], 1 << 24)]),
             Err(Error::AccelerationStructure(_))

@@ -11,7 +11,7 @@ use std::path::Path;
 use std::process::Command;
 
 use neubrdf::gpu::PUSH_CONSTANT_BYTES;
-use neubrdf::gpu::layout::StructLayout;
+use neubrdf::gpu::layout::{Member, StructLayout};
 use neubrdf::gpu::spirv;
 use rspirv::dr::{Instruction, Module, Operand};
 use rspirv::spirv::{Decoration, ExecutionModel, Op, StorageClass, Word};
@@ -38,6 +38,32 @@ fn every_struct_of_every_kernel_is_laid_out_as_its_rust_counterpart() {
     assert!(wrong.is_empty(), "{} mismatches:\n{}", wrong.len(), wrong.join("\n"));
     let unused: Vec<_> = shared.keys().filter(|name| !seen.contains(**name)).collect();
     assert!(unused.is_empty(), "no kernel has {unused:?}");
+}
+
+#[test]
+fn a_struct_that_differs_is_found() {
+    let right = common::gpu_structs::GPU_TEST_STRUCTS.iter().find(|s| s.name == "GpuTestFillPush").unwrap();
+    let source = spirv::load("gpu_test_fill").unwrap();
+    let problems = |shared: &[StructLayout]| {
+        let shared = shared.iter().map(|layout| (layout.name, layout)).collect();
+        let reflected = Reflection::new(source.spirv);
+        let mut problems = Vec::new();
+        for id in reflected.shared_types() {
+            reflected.check(id, &shared, &mut BTreeSet::new(), &mut |problem| problems.push(problem));
+        }
+        problems.concat()
+    };
+    let [words, count, pad] = *right.members else { panic!("{right:?}") };
+    assert_eq!(problems(&[*right]), "");
+    assert!(problems(&[]).contains("no Rust counterpart"));
+    assert!(problems(&[StructLayout { size: 24, ..*right }]).contains("16 bytes in GLSL, 24 in Rust"));
+    let renamed = Member { name: "number", ..count };
+    let moved = Member { offset: 12, ..count };
+    let smaller = Member { size: 4, ..words };
+    for members in [vec![words, renamed, pad], vec![words, moved, pad], vec![smaller, count, pad], vec![words, count]] {
+        let wrong = StructLayout { members: members.leak(), ..*right };
+        assert!(problems(&[wrong]).contains("(member, offset, size)"), "{wrong:?}");
+    }
 }
 
 #[test]
@@ -194,10 +220,10 @@ impl Reflection {
             _ => return,
         };
         members.iter().for_each(|member| self.check(*member, shared, seen, wrong));
-        if let [only] = members[..] {
-            if self.types[&only].class.opcode == Op::TypeRuntimeArray {
-                return;
-            }
+        if let [only] = members[..]
+            && self.types[&only].class.opcode == Op::TypeRuntimeArray
+        {
+            return;
         }
         let name = &self.names[&at];
         seen.insert(name.clone());

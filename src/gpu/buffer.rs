@@ -46,7 +46,7 @@ impl Buffer {
     /// `name` appears in errors, validation messages and captures. Its address is a multiple of 256.
     ///
     /// # Errors
-    /// Out of memory.
+    /// Out of memory, or more than the device allows in one buffer.
     pub fn new(device: &Arc<Device>, name: &str, bytes: u64, memory: Memory) -> Result<Buffer> {
         use vk::BufferUsageFlags as Usage;
         let mut usage = Usage::STORAGE_BUFFER
@@ -58,10 +58,15 @@ impl Buffer {
             usage |=
                 Usage::ACCELERATION_STRUCTURE_BUILD_INPUT_READ_ONLY_KHR | Usage::ACCELERATION_STRUCTURE_STORAGE_KHR;
         }
+        let most = device.limits().max_memory_allocation_size;
+        if bytes > most {
+            let (buffer, device) = (name.to_string(), device.name().to_string());
+            return Err(Error::BufferTooLarge { buffer, bytes, most, device });
+        }
         // Work that is done may still hold memory.
         device.free_retired();
         // Vulkan has no empty buffers, and fills go by words.
-        let bytes_made = bytes.max(4).checked_next_multiple_of(4).ok_or_else(|| device.out_of_memory(name, bytes))?;
+        let bytes_made = bytes.max(4).next_multiple_of(4);
         let info = vk::BufferCreateInfo::default().size(bytes_made).usage(usage);
         // SAFETY: the device is alive and has what the usage asks for.
         let raw = unsafe { device.raw.create_buffer(&info, None) }.map_err(|_| device.out_of_memory(name, bytes))?;
@@ -175,7 +180,7 @@ impl Buffer {
         let mut data = vec![T::zeroed(); elements.len()];
         let out: &mut [u8] = bytemuck::cast_slice_mut(&mut data);
         self.device.wait()?;
-        if let Some(bytes) = self.bytes() {
+        if let Some(bytes) = self.bytes().filter(|_| self.is_cached()) {
             out.copy_from_slice(&bytes[range.start as usize..range.end as usize]);
             return Ok(data);
         }
@@ -239,6 +244,12 @@ impl Buffer {
         let allocation = self.allocation.as_ref()?;
         let coherent = allocation.memory_properties().contains(vk::MemoryPropertyFlags::HOST_COHERENT);
         Some(allocation.mapped_ptr().filter(|_| coherent)?.as_ptr().cast())
+    }
+
+    /// Whether the host reads the memory through its caches; reading the rest is slower than copying it on the device.
+    fn is_cached(&self) -> bool {
+        let properties = self.allocation.as_ref().map(Allocation::memory_properties);
+        properties.is_some_and(|properties| properties.contains(vk::MemoryPropertyFlags::HOST_CACHED))
     }
 
     fn bytes(&self) -> Option<&[u8]> {

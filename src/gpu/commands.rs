@@ -123,7 +123,7 @@ impl Commands {
 
     /// Runs as many workgroups as the three `u32` at byte `offset` of `counts` say when the pass is reached.
     pub fn dispatch_indirect(&mut self, kernel: &Kernel, counts: &Buffer, offset: u64, push: &impl Pod) {
-        if offset % 4 != 0 {
+        if !offset.is_multiple_of(4) {
             return self.fail(format!("indirect dispatch of {} from offset {offset}, no multiple of 4", kernel.name()));
         }
         if self.in_buffer(counts, offset, 12).is_some() && self.prepare(kernel, bytemuck::bytes_of(push)) {
@@ -147,7 +147,7 @@ impl Commands {
 
     /// Fills bytes of the buffer with a word; both ends of the range are multiples of 4.
     pub fn fill(&mut self, buffer: &Buffer, range: Range<u64>, word: u32) {
-        if range.start % 4 != 0 || range.end % 4 != 0 || range.end < range.start {
+        if !range.start.is_multiple_of(4) || !range.end.is_multiple_of(4) || range.end < range.start {
             return self.fail(format!("fill of bytes {range:?} of buffer {}, not whole words", buffer.name()));
         }
         let bytes = range.end - range.start;

@@ -95,10 +95,6 @@ impl Device {
             extensions.extend(profile::RAY_QUERY_EXTENSIONS.map(|name| name.as_ptr()));
             info = info.push_next(&mut acceleration).push_next(&mut ray_query);
         }
-        // MoltenVK must be told that we know what it lacks.
-        if profile::extensions(instance, physical).contains("VK_KHR_portability_subset") {
-            extensions.push(khr::portability_subset::NAME.as_ptr());
-        }
         let info = info.enabled_extension_names(&extensions);
         // SAFETY: the report says that the physical device has the features and extensions that `info` enables.
         let raw = unsafe { instance.raw.create_device(physical, &info, None) }

@@ -61,6 +61,18 @@ pub enum Error {
         /// The device's name.
         device: String,
     },
+    /// A buffer is larger than the device allows any to be.
+    #[error("buffer {buffer} of {bytes} bytes: {device} allows {most}; use a smaller scene or fewer paths in flight")]
+    BufferTooLarge {
+        /// The buffer's name.
+        buffer: String,
+        /// The bytes asked for.
+        bytes: u64,
+        /// The bytes allowed (`maxMemoryAllocationSize`).
+        most: u64,
+        /// The device's name.
+        device: String,
+    },
     /// The device stopped working: a driver fault, a hang, or a bad address in a kernel.
     #[error(
         "{device} was lost during or after pass {}; update the driver, or report this with the scene and `neubrdf info`",

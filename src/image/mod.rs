@@ -14,7 +14,7 @@ use std::path::{Path, PathBuf};
 pub use atomic::atomic_write;
 pub use exr_file::{read_exr, write_exr};
 pub use metadata::Metadata;
-pub use picture::{Picture, Samples, plane};
+pub use picture::{Crop, Picture, Samples, plane};
 
 /// What can go wrong with a picture file.
 #[derive(Debug, thiserror::Error)]

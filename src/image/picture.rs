@@ -9,8 +9,8 @@ use std::collections::BTreeMap;
 /// | [`BEAUTY`](plane::BEAUTY) | W·sr⁻¹·m⁻² | mean radiance, linear Rec. 709 |
 /// | [`VARIANCE`](plane::VARIANCE) | its square | variance of that mean (not of a sample) |
 /// | [`SAMPLES`](plane::SAMPLES) | – | number of samples in the mean, `u32` |
-/// | [`ALBEDO`](plane::ALBEDO) | – | mean reflectance of what is seen first, 0 where nothing is |
-/// | [`NORMAL`](plane::NORMAL) | – | mean world-space shading normal of what is seen first, facing the viewer, not renormalised; 0 where nothing is |
+/// | [`ALBEDO`](plane::ALBEDO) | – | mean colour of what is seen first, texture included (white for glass and metals given by η and κ); 0 where nothing is |
+/// | [`NORMAL`](plane::NORMAL) | – | mean world-space shading normal of what is seen first, towards the viewer (glass: out of the solid), not renormalised; 0 where nothing is |
 /// | [`DEPTH`](plane::DEPTH) | world units | distance along the optical axis, ∞ where nothing is |
 /// | [`INSTANCE_ID`](plane::INSTANCE_ID), [`PRIMITIVE_ID`](plane::PRIMITIVE_ID), [`MATERIAL_ID`](plane::MATERIAL_ID) | – | indices, `u32`, [`NO_ID`](plane::NO_ID) where nothing is |
 ///
@@ -138,5 +138,43 @@ impl Picture {
     /// All planes with their names, sorted by name.
     pub fn planes(&self) -> impl Iterator<Item = (&str, &Samples)> {
         self.planes.iter().map(|(name, samples)| (name.as_str(), samples))
+    }
+}
+
+/// A rectangle of pixels.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Crop {
+    /// Its left column.
+    pub x: u32,
+    /// Its upper row.
+    pub y: u32,
+    /// Pixels across.
+    pub width: u32,
+    /// Pixels down.
+    pub height: u32,
+}
+
+impl Crop {
+    /// Whether it has pixels, all of them on a film of this size.
+    pub fn fits(&self, film_width: u32, film_height: u32) -> bool {
+        let within = |start: u32, length: u32, whole: u32| {
+            length > 0 && start.checked_add(length).is_some_and(|end| end <= whole)
+        };
+        within(self.x, self.width, film_width) && within(self.y, self.height, film_height)
+    }
+}
+
+impl std::str::FromStr for Crop {
+    type Err = String;
+
+    /// `x,y,width,height` in pixels.
+    fn from_str(word: &str) -> Result<Self, String> {
+        let numbers: Option<Vec<u32>> = word.split(',').map(|number| number.trim().parse().ok()).collect();
+        match numbers.as_deref() {
+            Some(&[x, y, width, height]) if width > 0 && height > 0 => Ok(Crop { x, y, width, height }),
+            _ => Err(format!(
+                "'{word}' is no crop: expected x,y,width,height in whole pixels, width and height at least 1"
+            )),
+        }
     }
 }

@@ -159,13 +159,13 @@ impl LightTable {
         }
 
         let mut environment_texels = 0;
-        if let Some(environment) = &scene.environment {
-            if environment.texels.iter().any(|&radiance| radiance != Vec3::ZERO) {
-                environment_texels = environment.width * environment.height;
-                for (row, texels) in environment.texels.chunks_exact(environment.width as usize).enumerate() {
-                    let scale = disk * environment.solid_angle(row as u32);
-                    powers.extend(texels.iter().map(|&radiance| scale * f64::from(luminance(radiance))));
-                }
+        if let Some(environment) = &scene.environment
+            && environment.texels.iter().any(|&radiance| radiance != Vec3::ZERO)
+        {
+            environment_texels = environment.width * environment.height;
+            for (row, texels) in environment.texels.chunks_exact(environment.width as usize).enumerate() {
+                let scale = disk * environment.solid_angle(row as u32);
+                powers.extend(texels.iter().map(|&radiance| scale * f64::from(luminance(radiance))));
             }
         }
         powers.extend(scene.sun.map(|sun| disk * f64::from(luminance(sun.irradiance))));

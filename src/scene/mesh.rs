@@ -1,6 +1,7 @@
 //! Triangle meshes and where they stand.
 
-use glam::{Affine3A, Vec2, Vec3};
+use glam::{Affine3A, BVec3, Vec2, Vec3};
+use rayon::slice::ParallelSliceMut;
 
 /// An indexed triangle mesh. Attributes share one index.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -28,6 +29,131 @@ impl Mesh {
     /// The corners of a triangle in object space.
     pub fn corners(&self, triangle: usize) -> [Vec3; 3] {
         self.triangles[triangle].map(|corner| self.positions[corner as usize])
+    }
+}
+
+/// Largest magnitude of a coordinate: the squared length of a cross product of edges still fits an `f32`.
+pub(super) const LARGEST_COORDINATE: f32 = 1e8;
+
+impl Mesh {
+    /// Removes triangles without area, and vertices that only those used. Returns how many triangles went.
+    pub(super) fn drop_degenerate(&mut self) -> usize {
+        let has_area = |triangle: usize| {
+            let [a, b, c] = self.corners(triangle);
+            (b - a).cross(c - a).length_squared() >= f32::MIN_POSITIVE
+        };
+        let kept: Vec<usize> = (0..self.triangles.len()).filter(|&triangle| has_area(triangle)).collect();
+        let dropped = self.triangles.len() - kept.len();
+        if dropped > 0 {
+            if self.materials.len() > 1 {
+                self.materials = kept.iter().map(|&triangle| self.materials[triangle]).collect();
+            }
+            self.triangles = kept.iter().map(|&triangle| self.triangles[triangle]).collect();
+            self.drop_unused_vertices();
+        }
+        dropped
+    }
+
+    fn drop_unused_vertices(&mut self) {
+        let mut used = vec![false; self.positions.len()];
+        self.triangles.iter().flatten().for_each(|&vertex| used[vertex as usize] = true);
+        let mut count = 0;
+        let mut renumbered = Vec::with_capacity(used.len());
+        for &used in &used {
+            renumbered.push(count);
+            count += u32::from(used);
+        }
+        self.triangles.iter_mut().flatten().for_each(|vertex| *vertex = renumbered[*vertex as usize]);
+        retain(&mut self.positions, &used);
+        retain(&mut self.normals, &used);
+        retain(&mut self.uvs, &used);
+    }
+
+    /// Adds the triangles of another mesh. An attribute that only one of them has is zero on the other.
+    /// Precondition: both have one material a triangle.
+    pub(super) fn append(&mut self, other: Mesh) {
+        let first = self.positions.len() as u32;
+        let vertices = self.positions.len() + other.positions.len();
+        append_attribute(&mut self.normals, other.normals, first as usize, vertices);
+        append_attribute(&mut self.uvs, other.uvs, first as usize, vertices);
+        self.positions.extend(other.positions);
+        self.triangles.extend(other.triangles.iter().map(|corners| corners.map(|corner| corner + first)));
+        self.materials.extend(other.materials);
+    }
+}
+
+fn retain<T>(items: &mut Vec<T>, keep: &[bool]) {
+    let mut index = 0;
+    items.retain(|_| {
+        index += 1;
+        keep[index - 1]
+    });
+}
+
+fn append_attribute<T: Clone + Default>(items: &mut Vec<T>, others: Vec<T>, first: usize, total: usize) {
+    if !items.is_empty() || !others.is_empty() {
+        items.resize(first, T::default());
+        items.extend(others);
+        items.resize(total, T::default());
+    }
+}
+
+/// The corners of a mesh's triangles, grouped by the point in space that they lie at.
+pub(super) struct CornerList {
+    /// The point of each vertex, numbered in order of first appearance.
+    points: Vec<u32>,
+    /// Where the corners of each point begin in `corners`, and the end of the last.
+    starts: Vec<u32>,
+    /// [triangle, 0..3].
+    corners: Vec<[u32; 2]>,
+}
+
+impl CornerList {
+    pub fn by_position(mesh: &Mesh) -> CornerList {
+        // Adding 0 makes −0 and 0 the same point.
+        let key = |vertex: u32| (mesh.positions[vertex as usize] + 0.0).to_array().map(f32::to_bits);
+        let mut order: Vec<u32> = (0..mesh.positions.len() as u32).collect();
+        order.par_sort_unstable_by_key(|&vertex| (key(vertex), vertex));
+        let mut first: Vec<u32> = vec![0; order.len()];
+        for twins in order.chunk_by(|&a, &b| key(a) == key(b)) {
+            twins.iter().for_each(|&vertex| first[vertex as usize] = twins[0]);
+        }
+        let mut points = vec![0; first.len()];
+        let mut count = 0;
+        for vertex in 0..first.len() {
+            if first[vertex] as usize == vertex {
+                points[vertex] = count;
+                count += 1;
+            } else {
+                points[vertex] = points[first[vertex] as usize];
+            }
+        }
+
+        let mut starts = vec![0; count as usize + 1];
+        mesh.triangles.iter().flatten().for_each(|&vertex| starts[points[vertex as usize] as usize + 1] += 1);
+        for point in 1..starts.len() {
+            starts[point] += starts[point - 1];
+        }
+        let mut next = starts.clone();
+        let mut corners = vec![[0; 2]; mesh.triangles.len() * 3];
+        for (triangle, vertices) in mesh.triangles.iter().enumerate() {
+            for (k, &vertex) in vertices.iter().enumerate() {
+                let slot = &mut next[points[vertex as usize] as usize];
+                corners[*slot as usize] = [triangle as u32, k as u32];
+                *slot += 1;
+            }
+        }
+        CornerList { points, starts, corners }
+    }
+
+    /// The point that a vertex lies at.
+    pub fn point(&self, vertex: u32) -> u32 {
+        self.points[vertex as usize]
+    }
+
+    /// The corners at each point.
+    pub fn groups(&self) -> impl Iterator<Item = &[[u32; 2]]> {
+        self.starts.windows(2).map(|range| &self.corners[range[0] as usize..range[1] as usize])
     }
 }
 
@@ -70,15 +196,26 @@ impl Bounds {
     }
 }
 
-impl super::Scene {
-    /// The world-space box around all instances.
-    pub fn bounds(&self) -> Bounds {
-        let mut bounds = Bounds::EMPTY;
-        for instance in &self.instances {
-            for position in &self.meshes[instance.mesh as usize].positions {
-                bounds = bounds.including(instance.object_to_world.transform_point3(*position));
-            }
+/// A world-space box around instances of meshes: around the corners of each mesh's own box, so that ten thousand
+/// instances of a large mesh cost no more than ten thousand boxes.
+pub(super) fn bounds(meshes: &[Mesh], instances: &[Instance]) -> Bounds {
+    let around =
+        |mesh: &Mesh| mesh.positions.iter().fold(Bounds::EMPTY, |bounds, &position| bounds.including(position));
+    let boxes: Vec<Bounds> = meshes.iter().map(around).collect();
+    let mut bounds = Bounds::EMPTY;
+    for instance in instances {
+        let Bounds { min, max } = boxes[instance.mesh as usize];
+        for corner in 0..8 {
+            let upper = BVec3::new(corner & 1 != 0, corner & 2 != 0, corner & 4 != 0);
+            bounds = bounds.including(instance.object_to_world.transform_point3(Vec3::select(upper, max, min)));
         }
-        bounds
+    }
+    bounds
+}
+
+impl super::Scene {
+    /// A world-space box around all instances, each taken as its mesh's box.
+    pub fn bounds(&self) -> Bounds {
+        bounds(&self.meshes, &self.instances)
     }
 }

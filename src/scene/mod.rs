@@ -7,12 +7,23 @@
 //! W·sr⁻¹·m⁻² per channel.
 
 mod camera;
+mod decode;
+mod error;
+mod file;
+mod hash;
 mod light;
 mod material;
 mod mesh;
+mod metals;
+mod mtl;
+mod normals;
+mod obj;
+mod statements;
+mod table;
 mod texture;
 
 pub use camera::{Camera, Film, Lens};
+pub use error::{Error, Place, Warning};
 pub use light::{Environment, Light, LightTable, Sun, luminance};
 pub use material::{Color, Fresnel, Material, Surface};
 pub use mesh::{Bounds, Instance, Mesh};

@@ -1,0 +1,660 @@
+//! Makes the scenes that are shipped in `scenes/`, from formulas and published measurements.
+//!
+//!     cargo run --example make_scenes                             # writes scenes/
+//!     cargo run --example make_scenes -- DIR many_lights 10000    # the room with another number of lights
+//!
+//! The files are the same on every run; a test compares them with those checked in.
+
+use std::error::Error;
+use std::f32::consts::{PI, TAU};
+use std::fmt::Write;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use exr::prelude::{Encoding, Image, Layer, LayerAttributes, SpecificChannels, WritableImage};
+use glam::{Mat3, Vec2, Vec3, vec3};
+use half::f16;
+
+type Outcome = Result<(), Box<dyn Error>>;
+
+#[allow(dead_code)] // The test that includes this file has no use for it.
+fn main() -> Outcome {
+    let mut arguments = std::env::args().skip(1);
+    let folder = PathBuf::from(arguments.next().unwrap_or("scenes".into()));
+    match (arguments.next().as_deref(), arguments.next()) {
+        (None, _) => write_all(&folder),
+        (Some("many_lights"), Some(count)) => many_lights(&folder, count.parse()?),
+        _ => Err("usage: make_scenes [DIR [many_lights COUNT]]".into()),
+    }
+}
+
+/// Writes every shipped scene into a folder of its own in `folder`.
+pub fn write_all(folder: &Path) -> Outcome {
+    cornell(&folder.join("cornell"))?;
+    preview(&folder.join("preview"))?;
+    many_lights(&folder.join("many_lights"), 300)?;
+    furnace(&folder.join("furnace"))?;
+    sky(&folder.join("sky"))?;
+    still_life(&folder.join("still_life"))
+}
+
+// ---------------------------------------------------------------------------------------------------------- scenes
+
+/// The Cornell box, scaled to [−1, 1]³ as in Mitsuba 3's `mi.cornell_box()`, so that pictures compare pixel by pixel.
+///
+/// The reflectances and the light are the spectra measured at Cornell (graphics.cornell.edu/online/box/data.html)
+/// times the CIE 1931 colour matching functions under an equal-energy illuminant, as linear Rec. 709 without chromatic
+/// adaptation: that is why a grey of 0.74 has more red than blue.
+fn cornell(folder: &Path) -> Outcome {
+    let mut obj = Obj::new("cornell.mtl");
+    let square = |x: Vec3, y: Vec3, center: Vec3| [center - x - y, center + x - y, center + x + y, center - x + y];
+    obj.object("room", "white");
+    obj.quad(square(Vec3::X, -Vec3::Z, -Vec3::Y));
+    obj.quad(square(Vec3::X, Vec3::Z, Vec3::Y));
+    obj.quad(square(Vec3::X, Vec3::Y, -Vec3::Z));
+    obj.object("green wall", "green");
+    obj.quad(square(Vec3::Z, Vec3::Y, Vec3::X));
+    obj.object("red wall", "red");
+    obj.quad(square(-Vec3::Z, Vec3::Y, -Vec3::X));
+    // Each block: half its width along x and z, its height's half, where its middle stands.
+    obj.object("small block", "white");
+    obj.block(vec3(0.335, -0.7, 0.38), vec3(0.286_891, 0.0, 0.087_711_5), 0.3);
+    obj.object("large block", "white");
+    obj.block(vec3(-0.33, -0.4, -0.28), vec3(0.284_91, 0.0, -0.093_949_1), 0.61);
+    obj.object("light", "light");
+    obj.quad(square(vec3(0.23, 0.0, 0.0), vec3(0.0, 0.0, 0.19), vec3(0.0, 0.99, 0.01)));
+    let mtl = "\
+newmtl white
+Kd 0.885809 0.698859 0.666422
+newmtl green
+Kd 0.105421 0.37798 0.076425
+newmtl red
+Kd 0.570068 0.0430135 0.0443706
+newmtl light
+Kd 0.885809 0.698859 0.666422
+Ke 18.387 13.9873 6.75357
+";
+    let toml = "\
+# The Cornell box (Goral et al. 1984), from its published measurements. Made by examples/make_scenes.rs.
+[camera]
+eye = [0, 0, 3.9]
+target = [0, 0, 0]
+fov = 39.3077
+
+[film]
+width = 256
+height = 256
+
+[[mesh]]
+file = \"cornell.obj\"
+";
+    save(folder, &[("scene.toml", toml), ("cornell.mtl", mtl), ("cornell.obj", &obj.text)])
+}
+
+/// A ball on a stand before a backdrop, under three area lights: a place to look at a material.
+fn preview(folder: &Path) -> Outcome {
+    let mut obj = Obj::new("preview.mtl");
+    obj.object("ball", "ball");
+    obj.sphere(vec3(0.0, 1.15, 0.0), 1.0, 32, 64);
+    obj.object("ring", "ring");
+    let ring = |t: f32| Vec2::new(0.62 + 0.1 * (t * TAU).cos(), 0.28 + 0.1 * (t * TAU).sin());
+    obj.lathe(Vec3::ZERO, 24, 64, ring);
+    obj.object("stand", "stand");
+    let stand = [[0.0, 0.2], [0.7, 0.2], [0.8, 0.1], [0.9, 0.0]].map(Vec2::from_array);
+    for [upper, lower] in stand.windows(2).map(|pair| [pair[0], pair[1]]) {
+        obj.lathe(Vec3::ZERO, 1, 64, |t| lower.lerp(upper, t));
+    }
+    obj.object("backdrop", "backdrop");
+    // A floor that bends up into a wall through a quarter circle of radius 2.
+    let profile = |t: f32| match t {
+        ..0.25 => vec3(0.0, 0.0, 5.0 - 28.0 * t),
+        0.25..0.75 => {
+            let angle = (t - 0.25) * PI;
+            vec3(0.0, 2.0 - 2.0 * angle.cos(), -2.0 - 2.0 * angle.sin())
+        }
+        _ => vec3(0.0, 2.0 + 20.0 * (t - 0.75), -4.0),
+    };
+    obj.sheet(1, 24, |u, v| profile(v) + vec3(14.0 * (u - 0.5), 0.0, 0.0), true);
+    let light = |center: Vec3, size: f32| {
+        let normal = (vec3(0.0, 1.0, 0.0) - center).normalize();
+        let x = Vec3::Y.cross(normal).normalize();
+        let y = normal.cross(x);
+        [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]].map(|[a, b]| center + size * (a * x + b * y))
+    };
+    obj.object("key light", "key");
+    obj.quad(light(vec3(-3.5, 4.0, 3.0), 1.2));
+    obj.object("fill light", "fill");
+    obj.quad(light(vec3(4.5, 2.5, 2.5), 0.8));
+    obj.object("rim light", "rim");
+    obj.quad(light(vec3(1.5, 4.5, -2.5), 0.6));
+    let mtl = "\
+newmtl ball
+Kd 0.55 0.08 0.06
+Ks 1 1 1
+Ni 1.5
+Pr 0.25
+illum 2
+newmtl ring
+Kd 1 0.78 0.34
+Pm 1
+Pr 0.3
+newmtl stand
+Kd 0.18 0.18 0.18
+newmtl backdrop
+Kd 0.5 0.5 0.5
+newmtl key
+Ke 14 13 12
+newmtl fill
+Ke 5 6.5 9
+newmtl rim
+Ke 20 20 20
+";
+    let toml = "\
+# A material-preview ball on its stand. Made by examples/make_scenes.rs.
+# To look at another material, change [material.ball].
+[camera]
+eye = [0, 1.9, 6.2]
+target = [0, 1.02, 0]
+fov = 28
+
+[film]
+width = 192
+height = 192
+
+[[mesh]]
+file = \"preview.obj\"
+
+[material.ball]
+type = \"coated\"
+albedo = [0.55, 0.08, 0.06]
+ior = 1.5
+roughness = 0.3
+
+[material.ring]
+type = \"conductor\"
+metal = \"gold\"
+roughness = 0.35
+";
+    save(folder, &[("scene.toml", toml), ("preview.mtl", mtl), ("preview.obj", &obj.text)])
+}
+
+/// A room under `count` small triangles of light, their powers spread over four decades.
+pub fn many_lights(folder: &Path, count: u32) -> Outcome {
+    const COLORS: u32 = 24;
+    let mut random = Random(1);
+    let mut obj = Obj::new("many_lights.mtl");
+    obj.object("room", "wall");
+    obj.block(vec3(0.0, 1.5, 0.0), vec3(-3.0, 0.0, 0.0), -1.5);
+    for (i, name) in ["plaster", "brass", "lacquer"].into_iter().cycle().take(9).enumerate() {
+        let (x, z) = ((i % 3) as f32 * 1.6 - 1.6, (i / 3) as f32 * 1.6 - 1.6);
+        obj.object(&format!("pillar {i}"), name);
+        obj.block(vec3(x, 0.2 + 0.06 * i as f32, z), vec3(0.3, 0.0, 0.1), 0.2 + 0.06 * i as f32);
+    }
+    let mut mtl = String::from(
+        "\
+newmtl wall
+Kd 0.6 0.58 0.55
+newmtl plaster
+Kd 0.7 0.7 0.7
+newmtl brass
+Kd 0.9 0.7 0.35
+Pm 1
+Pr 0.5
+newmtl lacquer
+Kd 0.1 0.2 0.4
+Ks 1 1 1
+Pr 0.4
+",
+    );
+    // The lights shine 1 W·m⁻²·sr⁻¹ to 10⁴ over that, and together the same whatever their number.
+    let side = 0.05 * (300.0 / count as f32).sqrt();
+    for color in 0..COLORS {
+        let hue = TAU * random.next();
+        let tint = [0.0, 1.0, 2.0].map(|channel: f32| 1.0 + 0.8 * (hue + channel * TAU / 3.0).cos());
+        let radiance = 0.5 * 10f32.powf(4.0 * color as f32 / (COLORS - 1) as f32);
+        let [red, green, blue] = tint.map(|tint| tint * radiance);
+        writeln!(mtl, "newmtl light{color}\nKd 0 0 0\nKe {red:.4} {green:.4} {blue:.4}")?;
+    }
+    for color in 0..COLORS {
+        obj.object(&format!("lights {color}"), &format!("light{color}"));
+        for _ in (color..count).step_by(COLORS as usize) {
+            let center = vec3(5.6 * random.next() - 2.8, 2.3 + 0.6 * random.next(), 5.6 * random.next() - 2.8);
+            let down = vec3(random.next() - 0.5, -1.0, random.next() - 0.5).normalize();
+            let x = down.any_orthonormal_vector();
+            let y = down.cross(x);
+            let corner = |angle: f32| center + side * (x * angle.cos() + y * angle.sin());
+            obj.triangle([0.0, TAU / 3.0, 2.0 * TAU / 3.0].map(corner));
+        }
+    }
+    let toml = "\
+# A room under many small lights, their radiances spread over four decades. Made by examples/make_scenes.rs.
+[camera]
+eye = [0, 1.7, 2.9]
+target = [0, 0.7, -0.6]
+fov = 60
+
+[film]
+width = 192
+height = 144
+
+[[mesh]]
+file = \"many_lights.obj\"
+
+[material.brass]
+type = \"conductor\"
+metal = \"copper\"
+roughness = 0.5
+";
+    save(folder, &[("scene.toml", toml), ("many_lights.mtl", &mtl), ("many_lights.obj", &obj.text)])
+}
+
+/// Objects that lose no light under a uniform sky of radiance 1: every pixel is 1.
+fn furnace(folder: &Path) -> Outcome {
+    let mut obj = Obj::new("furnace.mtl");
+    for (i, name) in ["diffuse", "mirror", "glass", "coated"].into_iter().enumerate() {
+        obj.object(name, name);
+        obj.facetted_sphere(vec3((i % 2) as f32 * 2.4 - 1.2, 1.2 - (i / 2) as f32 * 2.4, 0.0), 1.0, 3);
+    }
+    let mtl = "\
+newmtl diffuse
+Kd 1 1 1
+newmtl mirror
+Kd 0 0 0
+Ks 1 1 1
+illum 5
+newmtl glass
+illum 7
+Ni 1.5
+newmtl coated
+Kd 1 1 1
+Ks 1 1 1
+Ni 1.5
+Pr 0
+";
+    let toml = "\
+# A white furnace: nothing here absorbs, so every pixel is 1. Made by examples/make_scenes.rs.
+# The facets show, because interpolated normals do not conserve energy.
+[camera]
+eye = [0, 0, 9]
+target = [0, 0, 0]
+fov = 32
+
+[film]
+width = 128
+height = 128
+
+[[mesh]]
+file = \"furnace.obj\"
+normals = \"flat\"
+
+[environment]
+radiance = 1
+";
+    save(folder, &[("scene.toml", toml), ("furnace.mtl", mtl), ("furnace.obj", &obj.text)])
+}
+
+/// A textured ground with rings, knots and glass under a sky whose sun is 10⁴ times as bright as the rest.
+fn sky(folder: &Path) -> Outcome {
+    let mut ground = Obj::new("sky.mtl");
+    ground.object("ground", "ground");
+    ground.sheet(8, 8, |u, v| vec3(16.0 * (u - 0.5), 0.0, 16.0 * (0.5 - v)), true);
+    let mut torus = Obj::new("sky.mtl");
+    torus.object("torus", "clay");
+    torus.lathe(Vec3::ZERO, 20, 40, |t| Vec2::new(0.7 + 0.25 * (t * TAU).cos(), 0.25 * (t * TAU).sin()));
+    let mut glass = Obj::new("sky.mtl");
+    glass.object("glass", "glass");
+    glass.sphere(vec3(0.0, 0.6, 0.0), 0.6, 24, 48);
+    let mtl = "\
+newmtl ground
+Kd 1 1 1
+map_Kd tiles.png
+newmtl clay
+Kd 0.7 0.35 0.2
+newmtl glass
+illum 7
+Ni 1.5
+";
+    let toml = "\
+# Instances under a high-contrast sky. Made by examples/make_scenes.rs.
+[camera]
+eye = [0, 1.9, 6]
+target = [0, 0.6, 0]
+fov = 42
+
+[film]
+width = 192
+height = 128
+
+[[mesh]]
+file = \"ground.obj\"
+
+[[mesh]]
+file = \"torus.obj\"
+instances = [
+    { translate = [-1.9, 0.25, 0.4] },
+    { translate = [-1.9, 0.9, -0.4], rotate = [70, 20, 0] },
+    { translate = [1.8, 0.6, -0.3], axis = [1, 0, 1], angle = 65, scale = [0.7, 1.4, 0.7] },
+    { matrix = [[-0.8, 0.3, 0, 0.1], [0, 0.6, 0, 0.15], [0, 0, 0.8, 2.2]] },
+]
+
+[[mesh]]
+file = \"glass.obj\"
+transform = { translate = [0, 0.05, 0] }
+
+[environment]
+file = \"sky.exr\"
+rotate = 20
+";
+    let files = [
+        ("scene.toml", toml),
+        ("sky.mtl", mtl),
+        ("ground.obj", &ground.text),
+        ("torus.obj", &torus.text),
+        ("glass.obj", &glass.text),
+    ];
+    save(folder, &files)?;
+    let tile = |x: u32, y: u32| {
+        let (column, row) = (x / 16, y / 16);
+        let mortar = x.is_multiple_of(16) || y.is_multiple_of(16);
+        let shade = Random(u64::from(row * 4 + column)).next();
+        let [red, green, blue] = if (column + row) % 2 == 0 { [196.0, 186.0, 168.0] } else { [92.0, 104.0, 112.0] };
+        let scale = if mortar { 0.5 } else { 0.75 + 0.25 * shade };
+        image::Rgb([red * scale, green * scale, blue * scale].map(|value: f32| value as u8))
+    };
+    image::RgbImage::from_fn(64, 64, tile).save(folder.join("tiles.png"))?;
+    save_environment(&folder.join("sky.exr"), 256, 128, |direction| {
+        let sun = vec3(-0.5, 0.6, 0.4).normalize();
+        let to_sun = direction.dot(sun).clamp(-1.0, 1.0).acos().to_degrees();
+        let height = direction.y.max(0.0);
+        let horizon = vec3(0.85, 0.8, 0.75).lerp(vec3(0.12, 0.25, 0.6), height.sqrt());
+        let air = if direction.y < 0.0 { vec3(0.12, 0.1, 0.08) } else { horizon };
+        let glow = vec3(2.0, 1.6, 1.0) * (-to_sun / 8.0).exp();
+        let disk = if to_sun < 2.0 { vec3(6000.0, 5400.0, 4400.0) } else { Vec3::ZERO };
+        0.6 * (air + glow) + disk
+    })
+}
+
+/// What the other scenes lack: rough glass, brushed metal, a sun and a thin lens.
+fn still_life(folder: &Path) -> Outcome {
+    let mut obj = Obj::new("still_life.mtl");
+    obj.object("table", "table");
+    obj.sheet(1, 1, |u, v| vec3(9.0 * (u - 0.5), 0.0, 9.0 * (0.5 - v)), false);
+    obj.object("frosted", "frosted");
+    obj.sphere(vec3(-1.1, 0.62, 0.2), 0.6, 24, 48);
+    obj.object("can", "brushed");
+    obj.lathe(vec3(0.35, 0.0, -0.5), 1, 64, |t| Vec2::new(0.5, 0.02 + 1.3 * t));
+    obj.lathe(vec3(0.35, 0.0, -0.5), 1, 64, |t| Vec2::new(0.5 * (1.0 - t), 1.32));
+    obj.object("pear", "pear");
+    let pear = |t: f32| {
+        let angle = PI * t;
+        let narrow = 1.0 - 0.45 * (0.5 - 0.5 * angle.cos()).powi(2);
+        Vec2::new(0.45 * angle.sin() * narrow, 0.47 - 0.45 * angle.cos() * (1.0 + 0.3 * t))
+    };
+    obj.lathe(vec3(1.35, 0.0, 0.5), 24, 48, pear);
+    obj.object("mirror", "mirror");
+    obj.sphere(vec3(-0.2, 0.25, 0.95), 0.25, 16, 32);
+    let mtl = "\
+newmtl table
+Kd 0.45 0.33 0.24
+newmtl frosted
+illum 7
+Ni 1.5
+Pr 0.45
+newmtl brushed
+Kd 0.9 0.9 0.9
+Pm 1
+Pr 0.5
+newmtl pear
+Kd 0.6 0.65 0.1
+Ks 1 1 1
+Ns 120
+illum 2
+newmtl mirror
+Kd 0 0 0
+Ks 0.9 0.9 0.9
+illum 5
+";
+    let toml = "\
+# Rough glass, brushed metal, a sun and a thin lens. Made by examples/make_scenes.rs.
+[camera]
+eye = [0, 1.6, 5.2]
+target = [0, 0.55, 0]
+fov = 32
+lens_radius = 0.08
+focus_distance = 4.9
+
+[film]
+width = 192
+height = 128
+
+[[mesh]]
+file = \"still_life.obj\"
+
+[material.brushed]
+type = \"conductor\"
+metal = \"aluminium\"
+alpha = [0.4, 0.08]
+
+[environment]
+radiance = [0.35, 0.42, 0.55]
+
+[sun]
+direction = [-0.6, 0.9, 0.5]
+irradiance = [2.6, 2.4, 2.1]
+";
+    save(folder, &[("scene.toml", toml), ("still_life.mtl", mtl), ("still_life.obj", &obj.text)])
+}
+
+// ----------------------------------------------------------------------------------------------------------- files
+
+fn save(folder: &Path, files: &[(&str, &str)]) -> Outcome {
+    fs::create_dir_all(folder)?;
+    files.iter().try_for_each(|(name, text)| fs::write(folder.join(name), text))?;
+    Ok(())
+}
+
+/// Writes a lat-long environment as half floats; `radiance` takes the direction of a texel's middle.
+fn save_environment(path: &Path, width: usize, height: usize, radiance: impl Fn(Vec3) -> Vec3 + Sync) -> Outcome {
+    let texel = |at: exr::math::Vec2<usize>| {
+        let azimuth = ((at.x() as f32 + 0.5) / width as f32 - 0.5) * TAU;
+        let polar = (at.y() as f32 + 0.5) / height as f32 * PI;
+        let direction = vec3(polar.sin() * azimuth.sin(), polar.cos(), -polar.sin() * azimuth.cos());
+        let [red, green, blue] = radiance(direction).to_array().map(f16::from_f32);
+        (red, green, blue)
+    };
+    let attributes = LayerAttributes { layer_name: None, ..LayerAttributes::default() };
+    let layer = Layer::new((width, height), attributes, Encoding::SMALL_LOSSLESS, SpecificChannels::rgb(texel));
+    Ok(Image::from_layer(layer).write().non_parallel().to_file(path)?)
+}
+
+/// An OBJ file in the making.
+struct Obj {
+    text: String,
+    positions: usize,
+    uvs: usize,
+    normals: usize,
+}
+
+impl Obj {
+    fn new(material_file: &str) -> Obj {
+        let text = format!("# Made by examples/make_scenes.rs.\nmtllib {material_file}\n");
+        Obj { text, positions: 0, uvs: 0, normals: 0 }
+    }
+
+    fn line(&mut self, text: std::fmt::Arguments) {
+        self.text.write_fmt(text).expect("strings take all that is written");
+        self.text.push('\n');
+    }
+
+    fn object(&mut self, name: &str, material: &str) {
+        self.line(format_args!("o {name}\nusemtl {material}"));
+    }
+
+    fn position(&mut self, p: Vec3) -> usize {
+        self.line(format_args!("v {} {} {}", Short(p.x), Short(p.y), Short(p.z)));
+        self.positions += 1;
+        self.positions
+    }
+
+    fn uv(&mut self, uv: Vec2) -> usize {
+        self.line(format_args!("vt {} {}", Short(uv.x), Short(uv.y)));
+        self.uvs += 1;
+        self.uvs
+    }
+
+    fn normal(&mut self, n: Vec3) -> usize {
+        self.line(format_args!("vn {} {} {}", Short(n.x), Short(n.y), Short(n.z)));
+        self.normals += 1;
+        self.normals
+    }
+
+    fn triangle(&mut self, corners: [Vec3; 3]) {
+        let [a, b, c] = corners.map(|corner| self.position(corner));
+        self.line(format_args!("f {a} {b} {c}"));
+    }
+
+    fn quad(&mut self, corners: [Vec3; 4]) {
+        let [a, b, c, d] = corners.map(|corner| self.position(corner));
+        self.line(format_args!("f {a} {b} {c} {d}"));
+    }
+
+    /// A block on a square base: its middle, half its first horizontal axis (the other is at right angles), and half
+    /// its height. Negative halves turn it inside out.
+    fn block(&mut self, center: Vec3, x: Vec3, half_height: f32) {
+        let axes = Mat3::from_cols(x, vec3(0.0, half_height, 0.0), vec3(-x.z, 0.0, x.x));
+        for axis in 0..3 {
+            for side in [-1.0, 1.0] {
+                let [n, u, v] = [0, 1, 2].map(|step| axes.col((axis + step) % 3));
+                let n = n * side;
+                let u = u * side;
+                self.quad([n - u - v, n + u - v, n + u + v, n - u + v].map(|corner| center + corner));
+            }
+        }
+    }
+
+    /// A sheet of `columns` × `rows` quads over (u, v) in [0, 1]², seen from the side where u runs to the right and v
+    /// upwards, with texture coordinates and perhaps smooth normals.
+    fn sheet(&mut self, columns: usize, rows: usize, point: impl Fn(f32, f32) -> Vec3, smooth: bool) {
+        let first = self.positions;
+        for row in 0..=rows {
+            for column in 0..=columns {
+                let (u, v) = (column as f32 / columns as f32, row as f32 / rows as f32);
+                self.position(point(u, v));
+                self.uv(Vec2::new(u, v));
+                if smooth {
+                    let step = 1e-2;
+                    let du = point(u + step, v) - point(u - step, v);
+                    let dv = point(u, v + step) - point(u, v - step);
+                    self.normal(du.cross(dv).normalize());
+                }
+            }
+        }
+        let [uv, normal] =
+            [self.uvs, self.normals].map(|count| count - (columns + 1) * (rows + 1) * usize::from(count > 0));
+        for row in 0..rows {
+            for column in 0..columns {
+                let corner = |x: usize, y: usize| {
+                    let index = (row + y) * (columns + 1) + column + x + 1;
+                    if smooth {
+                        format!("{}/{}/{}", first + index, uv + index, normal + index)
+                    } else {
+                        format!("{}/{}", first + index, uv + index)
+                    }
+                };
+                let [a, b, c, d] = [corner(0, 0), corner(1, 0), corner(1, 1), corner(0, 1)];
+                self.line(format_args!("f {a} {b} {c} {d}"));
+            }
+        }
+    }
+
+    /// A surface of revolution about a vertical axis: the profile runs upwards on the outside, (distance from the
+    /// axis, height) over t in [0, 1]. u runs around, v along the profile.
+    fn lathe(&mut self, center: Vec3, rows: usize, segments: usize, profile: impl Fn(f32) -> Vec2) {
+        let [position, uv, normal] = [self.positions, self.uvs, self.normals];
+        let point = |t: f32, angle: f32| {
+            let Vec2 { x: radius, y: height } = profile(t);
+            vec3(radius * angle.sin(), height, radius * angle.cos())
+        };
+        for row in 0..=rows {
+            let t = row as f32 / rows as f32;
+            for segment in 0..segments {
+                let angle = TAU * segment as f32 / segments as f32;
+                self.position(center + point(t, angle));
+                let step = 1e-3;
+                let along = profile((t + step).min(1.0)) - profile((t - step).max(0.0));
+                let outwards = Vec2::new(along.y, -along.x).normalize();
+                self.normal(vec3(outwards.x * angle.sin(), outwards.y, outwards.x * angle.cos()));
+            }
+            for segment in 0..=segments {
+                self.uv(Vec2::new(segment as f32 / segments as f32, t));
+            }
+        }
+        for row in 0..rows {
+            for segment in 0..segments {
+                let corner = |x: usize, y: usize| {
+                    let vertex = (row + y) * segments + (segment + x) % segments + 1;
+                    let coordinate = (row + y) * (segments + 1) + segment + x + 1;
+                    format!("{}/{}/{}", position + vertex, uv + coordinate, normal + vertex)
+                };
+                let [a, b, c, d] = [corner(0, 0), corner(1, 0), corner(1, 1), corner(0, 1)];
+                let at_axis = |row: usize| profile(row as f32 / rows as f32).x.abs() < 1e-4;
+                match (at_axis(row), at_axis(row + 1)) {
+                    (true, _) => self.line(format_args!("f {a} {c} {d}")),
+                    (_, true) => self.line(format_args!("f {a} {b} {c}")),
+                    _ => self.line(format_args!("f {a} {b} {c} {d}")),
+                }
+            }
+        }
+    }
+
+    fn sphere(&mut self, center: Vec3, radius: f32, rows: usize, segments: usize) {
+        self.lathe(center, rows, segments, |t| radius * Vec2::new((PI * t).sin(), -(PI * t).cos()));
+    }
+
+    /// An octahedron whose triangles are split in four `levels` times and pushed out to the sphere, without normals.
+    fn facetted_sphere(&mut self, center: Vec3, radius: f32, levels: u32) {
+        fn split(corners: [Vec3; 3], levels: u32, emit: &mut impl FnMut([Vec3; 3])) {
+            if levels == 0 {
+                return emit(corners);
+            }
+            let [a, b, c] = corners;
+            let [ab, bc, ca] = [(a + b).normalize(), (b + c).normalize(), (c + a).normalize()];
+            for corners in [[a, ab, ca], [ab, b, bc], [ca, bc, c], [ab, bc, ca]] {
+                split(corners, levels - 1, emit);
+            }
+        }
+        for octant in 0..8 {
+            let [x, y, z] = [1, 2, 4].map(|bit| if octant & bit == 0 { 1.0 } else { -1.0 });
+            let mut corners = [Vec3::X * x, Vec3::Y * y, Vec3::Z * z];
+            if x * y * z < 0.0 {
+                corners.swap(1, 2);
+            }
+            split(corners, levels, &mut |corners| self.triangle(corners.map(|corner| center + radius * corner)));
+        }
+    }
+}
+
+/// A number with five decimals at most, and no sign before zero.
+struct Short(f32);
+
+impl std::fmt::Display for Short {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let text = format!("{:.5}", self.0);
+        let text = text.trim_end_matches('0').trim_end_matches('.');
+        f.write_str(if text == "-0" { "0" } else { text })
+    }
+}
+
+/// SplitMix64 (Steele et al. 2014), uniform in [0, 1).
+struct Random(u64);
+
+impl Random {
+    fn next(&mut self) -> f32 {
+        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let mut z = self.0;
+        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        z ^= z >> 31;
+        (z >> 40) as f32 / (1u64 << 24) as f32
+    }
+}

@@ -1,0 +1,178 @@
+//! Image files to linear Rec. 709 texels: PNG and JPEG (taken as sRGB) and OpenEXR (taken as linear).
+
+use std::fs::File;
+use std::io::Read;
+use std::path::Path;
+
+use exr::prelude::{ReadChannels, ReadLayers};
+use glam::Vec3;
+use half::f16;
+use image::ImageReader;
+
+use super::error::{Error, Place, Warning};
+use super::{Environment, Texture};
+
+/// Most texels that an image may have, so that a broken header is an error and not gigabytes of memory.
+const MOST_TEXELS: u64 = 1 << 26;
+
+/// Texels row by row from the top.
+struct Picture<T> {
+    width: u32,
+    height: u32,
+    texels: Vec<T>,
+}
+
+/// Reads a texture from a PNG, JPEG or EXR file. Colours above 1, which only EXR can hold, are clamped with a warning.
+pub(super) fn texture(path: &Path, named_by: &Place, warnings: &mut Vec<Warning>) -> Result<Texture, Error> {
+    let picture = if is_exr(path, named_by)? {
+        let (mut clamped, mut unfit) = (0, None);
+        let picture = read_exr(path, |x, y, color| {
+            if !color.is_finite() && unfit.is_none() {
+                unfit = Some((x, y, color));
+            }
+            let albedo = color.clamp(Vec3::ZERO, Vec3::ONE);
+            clamped += usize::from(albedo != color);
+            to_half(albedo)
+        })?;
+        if let Some((x, y, color)) = unfit {
+            return Err(not_finite(path, x, y, color));
+        }
+        if clamped > 0 {
+            let message =
+                format!("{clamped} texels lie outside of [0, 1]: clamped, as nothing reflects more than it gets");
+            warnings.push(Warning { place: Place::file(path), message });
+        }
+        picture
+    } else {
+        read_srgb(path, named_by)?
+    };
+    let name = path.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
+    Ok(Texture { name, width: picture.width, height: picture.height, texels: picture.texels })
+}
+
+/// Reads a lat-long environment from an EXR file, each radiance times `scale`. Negative radiances become 0 with a
+/// warning.
+pub(super) fn environment(
+    path: &Path,
+    named_by: &Place,
+    scale: Vec3,
+    warnings: &mut Vec<Warning>,
+) -> Result<Environment, Error> {
+    if !is_exr(path, named_by)? {
+        return Err(Error::unexpected(Place::file(path), "a file of another kind", "an OpenEXR image"));
+    }
+    let (mut negative, mut unfit) = (0, None);
+    let picture = read_exr(path, |x, y, color| {
+        let radiance = color * scale;
+        if !radiance.is_finite() && unfit.is_none() {
+            unfit = Some((x, y, radiance));
+        }
+        negative += usize::from(radiance.cmplt(Vec3::ZERO).any());
+        radiance.max(Vec3::ZERO)
+    })?;
+    if let Some((x, y, color)) = unfit {
+        return Err(not_finite(path, x, y, color));
+    }
+    if negative > 0 {
+        let message = format!("{negative} texels are negative: set to 0");
+        warnings.push(Warning { place: Place::file(path), message });
+    }
+    Ok(Environment { width: picture.width, height: picture.height, texels: picture.texels, rotation_degrees: 0.0 })
+}
+
+fn not_finite(path: &Path, x: usize, y: usize, color: Vec3) -> Error {
+    Error::unexpected(Place::file(path), format!("the colour {color} at ({x}, {y})"), "finite numbers")
+}
+
+fn to_half(color: Vec3) -> [f16; 4] {
+    color.extend(1.0).to_array().map(f16::from_f32)
+}
+
+fn is_exr(path: &Path, named_by: &Place) -> Result<bool, Error> {
+    let mut magic = Vec::new();
+    File::open(path)
+        .and_then(|file| file.take(4).read_to_end(&mut magic))
+        .map_err(|source| Error::read(path, Some(named_by), source))?;
+    Ok(magic == [0x76, 0x2f, 0x31, 0x01])
+}
+
+/// Refuses sizes that are empty or absurd.
+fn check_size(path: &Path, width: u64, height: u64) -> Result<(), Error> {
+    if width >= 1 && height >= 1 && width.saturating_mul(height) <= MOST_TEXELS {
+        return Ok(());
+    }
+    let expected = format!("at least one texel and at most 2²⁶ = {MOST_TEXELS}");
+    Err(Error::unexpected(Place::file(path), format!("an image of {width} × {height} texels"), expected))
+}
+
+fn read_srgb(path: &Path, named_by: &Place) -> Result<Picture<[f16; 4]>, Error> {
+    let unreadable = |source| Error::read(path, Some(named_by), source);
+    let broken = |error: image::ImageError| {
+        Error::unexpected(Place::file(path), format!("a broken image ({error})"), "a PNG, JPEG or OpenEXR image")
+    };
+    let open = || ImageReader::open(path).and_then(ImageReader::with_guessed_format).map_err(unreadable);
+    let (width, height) = open()?.into_dimensions().map_err(broken)?;
+    check_size(path, width.into(), height.into())?;
+
+    let mut reader = open()?;
+    let mut limits = image::Limits::default();
+    limits.max_alloc = Some(8 * MOST_TEXELS);
+    reader.limits(limits);
+    let image = reader.decode().map_err(broken)?.into_rgb16();
+    let linear: Vec<f16> =
+        (0..=u16::MAX).map(|code| f16::from_f32(srgb_to_linear(f32::from(code) / 65535.0))).collect();
+    let texels = image.pixels().map(|pixel| {
+        let [red, green, blue] = pixel.0.map(|code| linear[usize::from(code)]);
+        [red, green, blue, f16::ONE]
+    });
+    Ok(Picture { width, height, texels: texels.collect() })
+}
+
+/// The decoding function of IEC 61966-2-1.
+fn srgb_to_linear(code: f32) -> f32 {
+    if code <= 0.04045 { code / 12.92 } else { ((code + 0.055) / 1.055).powf(2.4) }
+}
+
+/// Reads the channels R, G and B of an OpenEXR file's first layer that has them, through `convert(x, y, color)`.
+fn read_exr<T: Clone + Default + 'static>(
+    path: &Path,
+    mut convert: impl FnMut(usize, usize, Vec3) -> T,
+) -> Result<Picture<T>, Error> {
+    let broken = |error: exr::error::Error| {
+        let found = format!("a broken image ({error})");
+        Error::unexpected(Place::file(path), found, "an OpenEXR image with the channels R, G and B")
+    };
+    let headers = exr::meta::MetaData::read_from_file(path, false).map_err(broken)?.headers;
+    for header in &headers {
+        check_size(path, header.layer_size.width() as u64, header.layer_size.height() as u64)?;
+    }
+    let image = exr::prelude::read()
+        .no_deep_data()
+        .largest_resolution_level()
+        .rgb_channels(
+            |size, _| (size, vec![Vec3::ZERO; size.area()]),
+            |(size, colors), at, (red, green, blue): (f32, f32, f32)| {
+                colors[at.y() * size.width() + at.x()] = Vec3::new(red, green, blue);
+            },
+        )
+        .first_valid_layer()
+        .all_attributes()
+        .non_parallel()
+        .from_file(path)
+        .map_err(broken)?;
+    let (size, colors) = image.layer_data.channel_data.pixels;
+    let texels = colors.into_iter().enumerate().map(|(i, color)| convert(i % size.width(), i / size.width(), color));
+    Ok(Picture { width: size.width() as u32, height: size.height() as u32, texels: texels.collect() })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn srgb_codes_decode_to_the_standards_values() {
+        for (code, linear) in [(0.0, 0.0), (0.04045, 0.0031308), (0.5, 0.2140411), (1.0, 1.0)] {
+            assert!((srgb_to_linear(code) - linear).abs() < 1e-6);
+        }
+    }
+}

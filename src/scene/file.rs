@@ -1,0 +1,446 @@
+//! Scene files: TOML beside OBJ, as docs/scenes.md describes it, or a bare OBJ file.
+
+use std::collections::HashMap;
+use std::fs::File;
+use std::io::Read;
+use std::path::{Path, PathBuf};
+
+use glam::{Affine3A, EulerRot, Mat3, Quat, Vec2, Vec3};
+
+use super::error::{Error, Place, Warning, nearest};
+use super::mesh::{self, LARGEST_COORDINATE};
+use super::mtl::Library;
+use super::obj::{self, Normals, beside};
+use super::table::{Source, Table, Value};
+use super::{
+    Bounds, Camera, Color, Environment, Film, Fresnel, Instance, Lens, LightTable, Material, Mesh, Scene, Sun, Surface,
+    decode, metals,
+};
+
+/// Size of the picture unless the scene file says otherwise.
+const FILM: Film = Film { width: 512, height: 512 };
+/// Vertical field of view unless the scene file says otherwise, degrees.
+const FOV_DEGREES: f32 = 40.0;
+/// Longest scene file, bytes.
+const LONGEST_FILE: u64 = 64 << 20;
+/// Largest radiance and irradiance.
+const BRIGHTEST: f32 = 1e12;
+
+impl Scene {
+    /// Loads a scene file (`.toml`) or a bare OBJ file (any other name), which is seen from outside of its bounds
+    /// under a uniform sky of radiance 1.
+    ///
+    /// # Errors
+    /// Anything in the files that is not as docs/scenes.md says, with its place and the remedy. What was merely left
+    /// out or mended comes back as warnings.
+    pub fn load(path: impl AsRef<Path>) -> Result<(Scene, Vec<Warning>), Error> {
+        let path = path.as_ref();
+        let is_toml = path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("toml"));
+        if is_toml { load_scene_file(path) } else { load_bare_obj(path) }
+    }
+}
+
+fn load_bare_obj(path: &Path) -> Result<(Scene, Vec<Warning>), Error> {
+    let mut loader = Loader::default();
+    let mesh = loader.mesh(path, Normals::Auto { crease_degrees: obj::CREASE_DEGREES })?;
+    let instances = vec![Instance { mesh, object_to_world: Affine3A::IDENTITY }];
+    loader.finish(path, None, FILM, instances, Some(Environment::constant(Vec3::ONE)), None)
+}
+
+fn load_scene_file(path: &Path) -> Result<(Scene, Vec<Warning>), Error> {
+    let text = read_text(path)?;
+    let source = Source { file: path, text: &text };
+    let entries = source.parse()?;
+    let root = Table::root(source, &entries);
+    root.allow(&["camera", "film", "mesh", "material", "environment", "sun"])?;
+
+    let mut loader = Loader::default();
+    let camera = root.get("camera").map(|value| camera(&value.table()?)).transpose()?;
+    let film = root.get("film").map(|value| film(&value.table()?)).transpose()?.unwrap_or(FILM);
+    let mut instances = Vec::new();
+    for entry in root.require("mesh")?.array()? {
+        add_mesh(&entry.table()?, path, &mut loader, &mut instances)?;
+    }
+    if instances.is_empty() {
+        return Err(root.error("no instance of a mesh", "at least one"));
+    }
+    if let Some(value) = root.get("material") {
+        for (name, value) in value.table()?.iter() {
+            override_material(name, &value, path, &mut loader.library)?;
+        }
+    }
+    let environment =
+        root.get("environment").map(|value| environment(&value.table()?, path, &mut loader)).transpose()?;
+    let sun = root.get("sun").map(|value| sun(&value.table()?)).transpose()?;
+    loader.finish(path, camera, film, instances, environment, sun)
+}
+
+fn read_text(path: &Path) -> Result<String, Error> {
+    let mut bytes = Vec::new();
+    File::open(path)
+        .and_then(|file| file.take(LONGEST_FILE + 1).read_to_end(&mut bytes))
+        .map_err(|source| Error::read(path, None, source))?;
+    if bytes.len() as u64 > LONGEST_FILE {
+        let found = format!("more than {} MiB", LONGEST_FILE >> 20);
+        return Err(Error::unexpected(Place::file(path), found, "a scene file; geometry goes into OBJ files"));
+    }
+    String::from_utf8(bytes).map_err(|error| {
+        let line =
+            error.as_bytes()[..error.utf8_error().valid_up_to()].iter().filter(|byte| **byte == b'\n').count() + 1;
+        Error::unexpected(Place::line(path, line), "bytes that are not UTF-8", "TOML text")
+    })
+}
+
+/// Gathers what the files of a scene hold.
+#[derive(Default)]
+struct Loader {
+    library: Library,
+    meshes: Vec<Mesh>,
+    /// Which mesh a file with these normals became.
+    known: HashMap<(PathBuf, String), u32>,
+}
+
+impl Loader {
+    /// The index of the mesh in a file, which is loaded once.
+    fn mesh(&mut self, path: &Path, normals: Normals) -> Result<u32, Error> {
+        let key = (path.to_owned(), format!("{normals:?}"));
+        if let Some(&index) = self.known.get(&key) {
+            return Ok(index);
+        }
+        let index = self.meshes.len() as u32;
+        self.meshes.push(obj::load(path, normals, &mut self.library)?);
+        self.known.insert(key, index);
+        Ok(index)
+    }
+
+    fn finish(
+        self,
+        path: &Path,
+        camera: Option<Camera>,
+        film: Film,
+        instances: Vec<Instance>,
+        environment: Option<Environment>,
+        sun: Option<Sun>,
+    ) -> Result<(Scene, Vec<Warning>), Error> {
+        let Library { materials, textures, mut warnings, undefined, .. } = self.library;
+        warnings.extend(undefined.into_iter().map(|(index, file)| Warning {
+            place: Place::file(file),
+            message: format!("the material `{}` is not defined: grey and diffuse", materials[index as usize].name),
+        }));
+        let bounds = mesh::bounds(&self.meshes, &instances);
+        if bounds.min.abs().max(bounds.max.abs()).max_element() > LARGEST_COORDINATE {
+            let found = format!("geometry from {} to {}", bounds.min, bounds.max);
+            let expected = format!("coordinates of magnitude at most {LARGEST_COORDINATE:e}");
+            return Err(Error::unexpected(Place::file(path), found, expected));
+        }
+        let camera = camera.unwrap_or_else(|| framing(&bounds, film));
+        let mut scene =
+            Scene { camera, film, meshes: self.meshes, instances, materials, textures: Vec::new(), environment, sun };
+        decode_textures(&mut scene, &textures, &mut warnings)?;
+        if LightTable::new(&scene).is_empty() {
+            let message = "nothing emits light: the picture will be black".to_owned();
+            warnings.push(Warning { place: Place::file(path), message });
+        }
+        Ok((scene, warnings))
+    }
+}
+
+/// A camera that sees all of a box, from the front and a little above.
+fn framing(bounds: &Bounds, film: Film) -> Camera {
+    let half_height = (FOV_DEGREES.to_radians() / 2.0).tan();
+    let half_extent = half_height * (film.width as f32 / film.height as f32).min(1.0);
+    let distance = 1.02 * bounds.radius() / half_extent.atan().sin();
+    let target = bounds.center();
+    let eye = target + Vec3::new(0.4, 0.3, 1.0).normalize() * distance;
+    Camera { eye, target, up: Vec3::Y, vertical_fov_degrees: FOV_DEGREES, lens: None }
+}
+
+/// Decodes the texture files that the materials still name.
+fn decode_textures(scene: &mut Scene, files: &[(PathBuf, Place)], warnings: &mut Vec<Warning>) -> Result<(), Error> {
+    let mut decoded: Vec<Option<u32>> = vec![None; files.len()];
+    for material in &mut scene.materials {
+        let color = match &mut material.surface {
+            Surface::Diffuse { albedo } | Surface::Coated { albedo, .. } => albedo,
+            Surface::Conductor { fresnel: Fresnel::Schlick { f0 }, .. } => f0,
+            Surface::Conductor { fresnel: Fresnel::Complex { .. }, .. } | Surface::Dielectric { .. } => continue,
+        };
+        let Some(file) = color.texture else { continue };
+        if decoded[file as usize].is_none() {
+            let (path, named_by) = &files[file as usize];
+            decoded[file as usize] = Some(scene.textures.len() as u32);
+            scene.textures.push(decode::texture(path, named_by, warnings)?);
+        }
+        color.texture = decoded[file as usize];
+    }
+    Ok(())
+}
+
+fn camera(table: &Table) -> Result<Camera, Error> {
+    table.allow(&["eye", "target", "up", "fov", "lens_radius", "focus_distance"])?;
+    let eye = table.require("eye")?.vector(LARGEST_COORDINATE)?;
+    let target = table.require("target")?.vector(LARGEST_COORDINATE)?;
+    let up = table.get("up").map(|value| value.vector(LARGEST_COORDINATE)).transpose()?.unwrap_or(Vec3::Y);
+    let forward = (target - eye).as_dvec3();
+    if forward.length() == 0.0 {
+        return Err(table.require("target")?.error("a point other than the eye"));
+    }
+    if forward.normalize().cross(up.as_dvec3().normalize_or_zero()).length() < 1e-4 {
+        let expected = "a vector that is neither zero nor along target − eye";
+        return Err(table.get("up").map_or_else(|| table.error("no `up`", expected), |value| value.error(expected)));
+    }
+    let vertical_fov_degrees = table.get("fov").map_or(Ok(FOV_DEGREES), |value| value.number(0.01, 179.0))?;
+    let positive = |value: Value| value.number(f32::MIN_POSITIVE, f32::MAX);
+    let lens = match (table.get("lens_radius"), table.get("focus_distance")) {
+        (None, None) => None,
+        (None, Some(_)) => return Err(table.error("`focus_distance` without `lens_radius`", "both or none")),
+        (Some(radius), focus) => Some(Lens {
+            radius: positive(radius)?,
+            focus_distance: focus.map_or(Ok(forward.length() as f32), positive)?,
+        }),
+    };
+    Ok(Camera { eye, target, up, vertical_fov_degrees, lens })
+}
+
+fn film(table: &Table) -> Result<Film, Error> {
+    table.allow(&["width", "height"])?;
+    let side = |key: &str| table.require(key)?.integer(1, 1 << 16);
+    Ok(Film { width: side("width")?, height: side("height")? })
+}
+
+fn add_mesh(table: &Table, file: &Path, loader: &mut Loader, instances: &mut Vec<Instance>) -> Result<(), Error> {
+    table.allow(&["file", "normals", "crease_angle", "transform", "instances"])?;
+    let path = beside(file, table.require("file")?.string()?);
+    let crease = table.get("crease_angle").map(|value| value.number(0.0, 180.0)).transpose()?;
+    let crease_degrees = crease.unwrap_or(obj::CREASE_DEGREES);
+    let normals = match table.get("normals").map(|value| Ok((value.string()?, value))).transpose()? {
+        None | Some(("auto", _)) => Normals::Auto { crease_degrees },
+        Some(("smooth", _)) => Normals::Smooth { crease_degrees: crease.unwrap_or(180.0) },
+        Some(("flat", _)) => Normals::Flat,
+        Some((_, value)) => return Err(value.error("\"auto\", \"flat\" or \"smooth\"")),
+    };
+    let mesh = loader.mesh(&path, normals)?;
+    let base = table.get("transform").map_or(Ok(Affine3A::IDENTITY), |value| transform(&value.table()?))?;
+    let repeats = match table.get("instances") {
+        None => vec![Affine3A::IDENTITY],
+        Some(value) => value.array()?.iter().map(|item| transform(&item.table()?)).collect::<Result<_, _>>()?,
+    };
+    instances.extend(repeats.iter().map(|repeat| Instance { mesh, object_to_world: *repeat * base }));
+    Ok(())
+}
+
+/// First scales, then turns, then moves; or all of it by a matrix.
+fn transform(table: &Table) -> Result<Affine3A, Error> {
+    table.allow(&["translate", "rotate", "axis", "angle", "scale", "matrix"])?;
+    let transform = if let Some(value) = table.get("matrix") {
+        if table.iter().count() > 1 {
+            return Err(value.error("no other key beside the matrix"));
+        }
+        let rows = value.array()?;
+        if rows.len() != 3 {
+            return Err(value.error("an array of 3 rows of 4 numbers"));
+        }
+        let mut entries = [[0.0; 4]; 3];
+        for (entry, row) in entries.iter_mut().zip(&rows) {
+            *entry = row.numbers(-LARGEST_COORDINATE, LARGEST_COORDINATE)?;
+        }
+        let [x, y, z] = [0, 1, 2].map(|column| Vec3::from_array(entries.map(|row| row[column])));
+        Affine3A::from_mat3_translation(Mat3::from_cols(x, y, z), Vec3::from_array(entries.map(|row| row[3])))
+    } else {
+        let translation = table.get("translate").map_or(Ok(Vec3::ZERO), |value| value.vector(LARGEST_COORDINATE))?;
+        let scale =
+            table.get("scale").map_or(Ok(Vec3::ONE), |value| value.color(-LARGEST_COORDINATE, LARGEST_COORDINATE))?;
+        let rotation = match (table.get("rotate"), table.get("axis"), table.get("angle")) {
+            (None, None, None) => Quat::IDENTITY,
+            (Some(degrees), None, None) => {
+                let [x, y, z] = degrees.vector(1e6)?.to_array().map(f32::to_radians);
+                Quat::from_euler(EulerRot::ZYX, z, y, x)
+            }
+            (None, Some(axis), Some(angle)) => {
+                let along = axis.vector(LARGEST_COORDINATE)?.try_normalize();
+                let along = along.ok_or_else(|| axis.error("a vector with a direction"))?;
+                Quat::from_axis_angle(along, angle.number(-1e6, 1e6)?.to_radians())
+            }
+            _ => return Err(table.error("a mixture of rotations", "either `rotate`, or `axis` with `angle`")),
+        };
+        Affine3A::from_scale_rotation_translation(scale, rotation, translation)
+    };
+    let determinant = transform.matrix3.determinant();
+    if determinant.is_normal() && transform.inverse().is_finite() {
+        Ok(transform)
+    } else {
+        Err(table.error(format!("a transform of determinant {determinant}"), "one that can be undone"))
+    }
+}
+
+const MATERIAL_TYPES: &str = "\"diffuse\", \"conductor\", \"mirror\", \"dielectric\" or \"coated\"";
+
+/// Changes the materials of a name as a table of the scene file says.
+fn override_material(name: &str, value: &Value, file: &Path, library: &mut Library) -> Result<(), Error> {
+    let table = value.table()?;
+    let indices: Vec<usize> =
+        (0..library.materials.len()).filter(|index| library.materials[*index].name == name).collect();
+    if indices.is_empty() {
+        let place = value.place();
+        let nearest = nearest(name, library.materials.iter().map(|material| material.name.as_str()));
+        let found = format!("the material `{name}`, which no mesh uses");
+        return Err(Error::unexpected(place, found, format!("a material of the meshes, such as `{nearest}`")));
+    }
+    for index in indices {
+        let before = library.materials[index].clone();
+        let color = |color: &Value| color.color(0.0, BRIGHTEST);
+        library.materials[index] = Material {
+            surface: surface(&table, &before.surface, file, library)?,
+            emission: table.get("emission").map_or(Ok(before.emission), |value| color(&value))?,
+            emits_both_sides: table
+                .get("emits_both_sides")
+                .map_or(Ok(before.emits_both_sides), |value| value.boolean())?,
+            name: before.name,
+        };
+        library.undefined.retain(|(undefined, _)| *undefined as usize != index);
+    }
+    Ok(())
+}
+
+/// The surface that a material's table asks for. What it does not say stays as it was before, if that was of the same
+/// type, or is the type's default.
+fn surface(table: &Table, before: &Surface, file: &Path, library: &mut Library) -> Result<Surface, Error> {
+    const EMISSION: [&str; 3] = ["type", "emission", "emits_both_sides"];
+    let allow = |keys: &[&str]| table.allow(&[&EMISSION, keys].concat());
+    let unchanged = match before {
+        Surface::Diffuse { .. } => "diffuse",
+        Surface::Conductor { .. } => "conductor",
+        Surface::Dielectric { .. } => "dielectric",
+        Surface::Coated { .. } => "coated",
+    };
+    let kind = table.get("type").map_or(Ok(unchanged), |value| value.string())?;
+    let smooth_or = |alpha: Option<f32>| alpha.unwrap_or(0.0);
+    match kind {
+        "diffuse" => {
+            allow(&["albedo", "texture"])?;
+            let before = match before {
+                Surface::Diffuse { albedo } | Surface::Coated { albedo, .. } => Some(*albedo),
+                _ => None,
+            };
+            Ok(Surface::Diffuse { albedo: color(table, "albedo", before, file, library)? })
+        }
+        "conductor" => {
+            allow(&["metal", "f0", "eta", "k", "texture", "roughness", "alpha"])?;
+            let (fresnel_before, alpha_before) = match before {
+                Surface::Conductor { fresnel, alpha } => (Some(*fresnel), Some(*alpha)),
+                _ => (None, None),
+            };
+            let alpha = alpha(table)?.or(alpha_before).unwrap_or(Vec2::ZERO);
+            Ok(Surface::Conductor { fresnel: fresnel(table, fresnel_before, file, library)?, alpha })
+        }
+        "mirror" => {
+            allow(&["f0"])?;
+            let f0 = table.get("f0").map_or(Ok(Vec3::ONE), |value| value.color(0.0, 1.0))?;
+            let fresnel = Fresnel::Schlick { f0: Color::constant(f0) };
+            Ok(Surface::Conductor { fresnel, alpha: Vec2::ZERO })
+        }
+        "dielectric" => {
+            allow(&["ior", "roughness", "alpha"])?;
+            let (ior_before, alpha_before) = match before {
+                Surface::Dielectric { ior, alpha } => (Some(*ior), Some(*alpha)),
+                _ => (None, None),
+            };
+            let alpha = smooth_or(isotropic_alpha(table)?.or(alpha_before));
+            Ok(Surface::Dielectric { ior: ior(table, ior_before, 0.1)?, alpha })
+        }
+        "coated" => {
+            allow(&["albedo", "texture", "ior", "roughness", "alpha"])?;
+            let (albedo_before, ior_before, alpha_before) = match before {
+                Surface::Coated { albedo, ior, alpha } => (Some(*albedo), Some(*ior), Some(*alpha)),
+                Surface::Diffuse { albedo } => (Some(*albedo), None, None),
+                _ => (None, None, None),
+            };
+            let alpha = smooth_or(isotropic_alpha(table)?.or(alpha_before));
+            let albedo = color(table, "albedo", albedo_before, file, library)?;
+            Ok(Surface::Coated { albedo, ior: ior(table, ior_before, 1.0)?, alpha })
+        }
+        _ => Err(table.require("type")?.error(MATERIAL_TYPES)),
+    }
+}
+
+/// A colour and the texture that multiplies it. A texture without a colour is multiplied by 1.
+fn color(table: &Table, key: &str, before: Option<Color>, file: &Path, library: &mut Library) -> Result<Color, Error> {
+    let value = table.get(key).map(|value| value.color(0.0, 1.0)).transpose()?;
+    match table.get("texture") {
+        Some(texture) => Ok(Color {
+            value: value.unwrap_or(Vec3::ONE),
+            texture: Some(library.texture(beside(file, texture.string()?), &texture.place())),
+        }),
+        None => match value {
+            Some(value) => Ok(Color::constant(value)),
+            None => Ok(before.unwrap_or(Color::constant(Vec3::splat(0.5)))),
+        },
+    }
+}
+
+fn fresnel(table: &Table, before: Option<Fresnel>, file: &Path, library: &mut Library) -> Result<Fresnel, Error> {
+    let has_f0 = table.has("f0") || table.has("texture");
+    match (table.get("metal"), has_f0, table.get("eta"), table.get("k")) {
+        (Some(name), false, None, None) => metals::metal(name.string()?).ok_or_else(|| {
+            let names: Vec<&str> = metals::names().collect();
+            name.error(format!("one of the metals {}", names.join(", ")))
+        }),
+        (None, true, None, None) => Ok(Fresnel::Schlick { f0: color(table, "f0", None, file, library)? }),
+        (None, false, Some(eta), Some(k)) => {
+            Ok(Fresnel::Complex { eta: eta.color(0.001, 100.0)?, kappa: k.color(0.0, 100.0)? })
+        }
+        (None, false, None, None) => {
+            before.ok_or_else(|| table.error("no reflectance", "one of `metal`, `f0`, or `eta` with `k`"))
+        }
+        _ => Err(table.error("several reflectances", "one of `metal`, `f0`, or `eta` with `k`")),
+    }
+}
+
+/// GGX's α along u and v, from `alpha` or as the square of `roughness`.
+fn alpha(table: &Table) -> Result<Option<Vec2>, Error> {
+    let pair = |value: &Value| {
+        if value.is_array() {
+            value.numbers(0.0, 1.0).map(Vec2::from_array)
+        } else {
+            value.number(0.0, 1.0).map(Vec2::splat)
+        }
+    };
+    match (table.get("alpha"), table.get("roughness")) {
+        (None, None) => Ok(None),
+        (Some(alpha), None) => pair(&alpha).map(Some),
+        (None, Some(roughness)) => pair(&roughness).map(|roughness| Some(roughness * roughness)),
+        (Some(_), Some(_)) => Err(table.error("both `alpha` and `roughness`", "one of them")),
+    }
+}
+
+fn isotropic_alpha(table: &Table) -> Result<Option<f32>, Error> {
+    match alpha(table)? {
+        Some(alpha) if alpha.x != alpha.y => Err(table.error("an anisotropic roughness", "one number for this type")),
+        alpha => Ok(alpha.map(|alpha| alpha.x)),
+    }
+}
+
+fn ior(table: &Table, before: Option<f32>, least: f32) -> Result<f32, Error> {
+    table.get("ior").map_or(Ok(before.unwrap_or(1.5)), |value| value.number(least, 10.0))
+}
+
+fn environment(table: &Table, file: &Path, loader: &mut Loader) -> Result<Environment, Error> {
+    table.allow(&["file", "radiance", "scale", "rotate"])?;
+    let scale = table.get("scale").map_or(Ok(Vec3::ONE), |value| value.color(0.0, BRIGHTEST))?;
+    let rotation = table.get("rotate").map_or(Ok(0.0), |value| value.number(-1e6, 1e6))?;
+    let environment = match (table.get("file"), table.get("radiance")) {
+        (Some(name), None) => {
+            decode::environment(&beside(file, name.string()?), &name.place(), scale, &mut loader.library.warnings)?
+        }
+        (None, Some(radiance)) => Environment::constant(radiance.color(0.0, BRIGHTEST)? * scale),
+        _ => return Err(table.error("not just one of `file` and `radiance`", "exactly one of them")),
+    };
+    Ok(Environment { rotation_degrees: rotation, ..environment })
+}
+
+fn sun(table: &Table) -> Result<Sun, Error> {
+    table.allow(&["direction", "irradiance"])?;
+    let towards = table.require("direction")?;
+    let direction = towards.vector(LARGEST_COORDINATE)?.as_dvec3().try_normalize();
+    let direction = direction.ok_or_else(|| towards.error("a vector towards the sun"))?.as_vec3();
+    Ok(Sun { direction, irradiance: table.require("irradiance")?.color(0.0, BRIGHTEST)? })
+}

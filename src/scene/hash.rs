@@ -1,0 +1,91 @@
+//! A fingerprint of everything in a scene that a picture of it depends on.
+
+use blake3::Hasher;
+use bytemuck::{NoUninit, cast_slice};
+use glam::{Affine3A, Vec3};
+
+use super::{Camera, Color, Environment, Film, Fresnel, Instance, Lens, Material, Mesh, Scene, Sun, Surface, Texture};
+
+impl Scene {
+    /// BLAKE3 over the scene's content, in hexadecimal. Names and file paths do not enter.
+    pub fn hash(&self) -> String {
+        let mut hasher = Hasher::new();
+        let Scene { camera, film, meshes, instances, materials, textures, environment, sun } = self;
+        let Camera { eye, target, up, vertical_fov_degrees, lens } = camera;
+        let Film { width, height } = film;
+        put(&mut hasher, &[*eye, *target, *up]);
+        put(&mut hasher, &[*vertical_fov_degrees]);
+        put(&mut hasher, &lens.map_or(vec![], |Lens { radius, focus_distance }| vec![radius, focus_distance]));
+        put(&mut hasher, &[*width, *height]);
+        put(&mut hasher, &[meshes.len(), instances.len(), materials.len(), textures.len()].map(|count| count as u64));
+        for Mesh { name: _, positions, normals, uvs, triangles, materials } in meshes {
+            put(&mut hasher, positions);
+            put(&mut hasher, normals);
+            put(&mut hasher, uvs);
+            put(&mut hasher, triangles);
+            put(&mut hasher, materials);
+        }
+        for Instance { mesh, object_to_world: Affine3A { matrix3, translation } } in instances {
+            put(&mut hasher, &[*mesh]);
+            put(&mut hasher, &matrix3.to_cols_array());
+            put(&mut hasher, &translation.to_array());
+        }
+        for Material { name: _, surface, emission, emits_both_sides } in materials {
+            put_surface(&mut hasher, surface);
+            put(&mut hasher, &[*emission]);
+            put(&mut hasher, &[u8::from(*emits_both_sides)]);
+        }
+        for Texture { name: _, width, height, texels } in textures {
+            put(&mut hasher, &[*width, *height]);
+            put(&mut hasher, texels);
+        }
+        if let Some(Environment { width, height, texels, rotation_degrees }) = environment {
+            put(&mut hasher, b"environment");
+            put(&mut hasher, &[*width, *height]);
+            put(&mut hasher, texels);
+            put(&mut hasher, &[*rotation_degrees]);
+        }
+        if let Some(Sun { direction, irradiance }) = sun {
+            put(&mut hasher, b"sun");
+            put(&mut hasher, &[*direction, *irradiance]);
+        }
+        hasher.finalize().to_hex().to_string()
+    }
+}
+
+fn put_surface(hasher: &mut Hasher, surface: &Surface) {
+    match surface {
+        Surface::Diffuse { albedo } => {
+            put(hasher, b"diffuse");
+            put_color(hasher, albedo);
+        }
+        Surface::Conductor { fresnel, alpha } => {
+            put(hasher, b"conductor");
+            match fresnel {
+                Fresnel::Schlick { f0 } => put_color(hasher, f0),
+                Fresnel::Complex { eta, kappa } => put(hasher, &[*eta, *kappa]),
+            }
+            put(hasher, &[*alpha]);
+        }
+        Surface::Dielectric { ior, alpha } => {
+            put(hasher, b"dielectric");
+            put(hasher, &[*ior, *alpha]);
+        }
+        Surface::Coated { albedo, ior, alpha } => {
+            put(hasher, b"coated");
+            put_color(hasher, albedo);
+            put(hasher, &[*ior, *alpha]);
+        }
+    }
+}
+
+fn put_color(hasher: &mut Hasher, Color { value, texture }: &Color) {
+    put::<Vec3>(hasher, &[*value]);
+    put(hasher, &texture.map_or(vec![], |texture| vec![texture]));
+}
+
+/// Adds a sequence, preceded by its length so that no two scenes make the same bytes.
+fn put<T: NoUninit>(hasher: &mut Hasher, items: &[T]) {
+    hasher.update(&(items.len() as u64).to_le_bytes());
+    hasher.update(cast_slice(items));
+}

@@ -1,0 +1,333 @@
+//! Wavefront MTL files, through `tobj`, and what their statements amount to here.
+
+use std::collections::{BTreeMap, HashMap};
+use std::fs::File;
+use std::io::BufReader;
+use std::path::{Path, PathBuf};
+
+use glam::{Vec2, Vec3};
+
+use super::error::{Error, Place, Warning, quote};
+use super::obj::beside;
+use super::statements::{Fault, Statements, number};
+use super::{Color, Fresnel, Material, Surface};
+
+/// The materials and texture files of a scene, gathered from its OBJ and MTL files.
+#[derive(Default)]
+pub(super) struct Library {
+    pub materials: Vec<Material>,
+    /// Texture files and what names them first; [`Color::texture`] indexes these until they are decoded.
+    pub textures: Vec<(PathBuf, Place)>,
+    pub warnings: Vec<Warning>,
+    /// Materials that an OBJ file names and no MTL file defines: index, and the OBJ file.
+    pub undefined: Vec<(u32, PathBuf)>,
+    /// What the MTL files of the OBJ file at hand define.
+    definitions: HashMap<String, Definition>,
+}
+
+/// A material of an MTL file.
+struct Definition {
+    place: Place,
+    material: tobj::Material,
+}
+
+/// A material for faces that name none or an undefined one.
+fn default_material(name: &str) -> Material {
+    Material {
+        name: name.to_owned(),
+        surface: Surface::Diffuse { albedo: Color::constant(Vec3::splat(0.5)) },
+        emission: Vec3::ZERO,
+        emits_both_sides: false,
+    }
+}
+
+impl Library {
+    pub fn warn(&mut self, place: Place, message: impl Into<String>) {
+        self.warnings.push(Warning { place, message: message.into() });
+    }
+
+    /// Reads the MTL files that an OBJ file names, on the given lines. They define what [`Library::material`] returns
+    /// until the next call.
+    pub fn read_material_files(&mut self, obj: &Path, names: &[(usize, String)]) -> Result<(), Error> {
+        self.definitions.clear();
+        for (line, names) in names {
+            let place = Place::line(obj, *line);
+            // A statement may name several files, or one file with spaces in its name.
+            let whole = beside(obj, names);
+            let files = if whole.exists() {
+                vec![whole]
+            } else {
+                names.split_whitespace().map(|name| beside(obj, name)).collect()
+            };
+            for file in files {
+                self.read_material_file(&file, &place)?;
+            }
+        }
+        Ok(())
+    }
+
+    fn read_material_file(&mut self, path: &Path, named_by: &Place) -> Result<(), Error> {
+        let file = match File::open(path) {
+            Ok(file) => file,
+            Err(source) if source.kind() == std::io::ErrorKind::NotFound => {
+                let message = format!("there is no {}: its materials are grey and diffuse", path.display());
+                self.warn(named_by.clone(), message);
+                return Ok(());
+            }
+            Err(source) => return Err(Error::read(path, Some(named_by), source)),
+        };
+        let mut lines = HashMap::new();
+        let mut named = false;
+        let check = |line: usize, statement: &str, out: &mut String| {
+            let name = check(statement, named, out)?;
+            named |= name.is_some();
+            lines.extend(name.map(|name| (name, line)));
+            Ok(())
+        };
+        let mut statements = Statements::new(path, BufReader::new(file), check);
+        let materials = match tobj::load_mtl_buf(&mut statements) {
+            Ok((materials, _)) => materials,
+            Err(error) => return Err(statements.into_error(error)),
+        };
+        let mut unused: BTreeMap<String, String> = BTreeMap::new();
+        for material in materials {
+            for statement in unused_statements(&material) {
+                unused.entry(statement.to_owned()).or_insert_with(|| material.name.clone());
+            }
+            let place = Place { line: lines.get(&material.name).copied(), ..Place::file(path) };
+            self.definitions.insert(material.name.clone(), Definition { place, material });
+        }
+        for (statement, material) in unused {
+            let message = format!("`{statement}` is not supported and ignored (first in the material `{material}`)");
+            self.warn(Place::file(path), message);
+        }
+        Ok(())
+    }
+
+    /// Adds the material of a name in an OBJ file. Returns its index.
+    pub fn material(&mut self, obj: &Path, name: &str) -> u32 {
+        let index = self.materials.len() as u32;
+        let material = match self.definitions.remove(name) {
+            Some(definition) => {
+                let material = self.interpret(&definition);
+                self.definitions.insert(name.to_owned(), definition);
+                material
+            }
+            None => {
+                self.undefined.push((index, obj.to_owned()));
+                default_material(name)
+            }
+        };
+        self.materials.push(material);
+        index
+    }
+
+    /// Adds the material of faces that name none. Returns its index.
+    pub fn nameless_material(&mut self) -> u32 {
+        self.materials.push(default_material("default"));
+        self.materials.len() as u32 - 1
+    }
+
+    /// The number of a texture file, which is decoded once, however often it is named.
+    pub fn texture(&mut self, path: PathBuf, named_by: &Place) -> u32 {
+        let index = self.textures.iter().position(|(known, _)| *known == path);
+        index.unwrap_or_else(|| {
+            self.textures.push((path, named_by.clone()));
+            self.textures.len() - 1
+        }) as u32
+    }
+
+    /// What an MTL material amounts to; docs/scenes.md has the table.
+    fn interpret(&mut self, Definition { place, material }: &Definition) -> Material {
+        let place = &Place { field: Some(format!("material `{}`", material.name)), ..place.clone() };
+        let specular = self.reflectance(place, "Ks", material.specular.unwrap_or_default());
+        let mut albedo = Color::constant(Vec3::ONE);
+        if let Some(name) = &material.diffuse_texture {
+            albedo.texture = Some(self.texture(beside(&place.file, name), place));
+        }
+        match material.diffuse {
+            Some(diffuse) => albedo.value = self.reflectance(place, "Kd", diffuse),
+            None if albedo.texture.is_none() => albedo.value = Vec3::splat(0.5),
+            None => {}
+        }
+        let parameter = |name: &str| material.unknown_param.get(name).and_then(|text| text.parse::<f32>().ok());
+        let roughness = parameter("Pr").map(|roughness| roughness.clamp(0.0, 1.0));
+        // Blinn's exponent and GGX's α of lobes of the same width (Walter et al. 2007).
+        let alpha_of_shininess = |shininess: f32| (2.0 / (shininess.max(0.0) + 2.0)).sqrt();
+        let alpha_or = |otherwise: f32| match (roughness, material.shininess) {
+            (Some(roughness), _) => roughness * roughness,
+            (None, Some(shininess)) => alpha_of_shininess(shininess),
+            (None, None) => otherwise,
+        };
+        // The anisotropy of Burley 2012: α along u over α along v is 1 / (1 − 0.9·aniso).
+        let aspect = (1.0 - 0.9 * parameter("aniso").unwrap_or(0.0).clamp(0.0, 1.0)).sqrt();
+        let stretch = |alpha: f32| Vec2::new((alpha / aspect).min(1.0), alpha * aspect);
+
+        let illumination = material.illumination_model.unwrap_or(2);
+        let metallic = parameter("Pm").unwrap_or(0.0);
+        let no_base = albedo.value == Vec3::ZERO;
+        let surface = if matches!(illumination, 4 | 6 | 7 | 9) {
+            let ior = self.index(place, material.optical_density, 0.1);
+            Surface::Dielectric { ior, alpha: roughness.map_or(0.0, |roughness| roughness * roughness) }
+        } else if metallic >= 0.5 {
+            Surface::Conductor { fresnel: Fresnel::Schlick { f0: albedo }, alpha: stretch(alpha_or(0.0)) }
+        } else if no_base && specular != Vec3::ZERO {
+            let fresnel = Fresnel::Schlick { f0: Color::constant(specular) };
+            let alpha = if illumination == 5 { 0.0 } else { alpha_or(0.0) };
+            Surface::Conductor { fresnel, alpha: stretch(alpha) }
+        } else if illumination >= 2 && specular != Vec3::ZERO {
+            Surface::Coated { albedo, ior: self.index(place, material.optical_density, 1.0), alpha: alpha_or(0.0) }
+        } else {
+            Surface::Diffuse { albedo }
+        };
+        if 0.0 < metallic && metallic < 1.0 {
+            self.warn(place.clone(), format!("Pm {metallic} is taken as {}", metallic.round()));
+        }
+        if material.dissolve.is_some_and(|dissolve| dissolve < 1.0) && !matches!(surface, Surface::Dielectric { .. }) {
+            self.warn(place.clone(), "`d` below 1 is ignored; `illum 7` makes glass");
+        }
+        Material {
+            name: material.name.clone(),
+            surface,
+            emission: Vec3::from_array(material.emissive.unwrap_or_default()),
+            emits_both_sides: false,
+        }
+    }
+
+    fn reflectance(&mut self, place: &Place, statement: &str, rgb: [f32; 3]) -> Vec3 {
+        let color = Vec3::from_array(rgb);
+        let clamped = color.clamp(Vec3::ZERO, Vec3::ONE);
+        if color != clamped {
+            self.warn(place.clone(), format!("{statement} {color} reflects more than it gets: clamped to {clamped}"));
+        }
+        clamped
+    }
+
+    fn index(&mut self, place: &Place, ior: Option<f32>, least: f32) -> f32 {
+        let ior = ior.unwrap_or(1.5);
+        let clamped = ior.clamp(least, 10.0);
+        if ior != clamped {
+            self.warn(place.clone(), format!("Ni {ior} is outside of [{least}, 10]: clamped to {clamped}"));
+        }
+        clamped
+    }
+}
+
+/// Statements of a material that have no effect here, though they might be missed.
+fn unused_statements(material: &tobj::Material) -> Vec<&str> {
+    let tobj::Material { specular_texture, normal_texture, shininess_texture, dissolve_texture, .. } = material;
+    let maps = [
+        (specular_texture, "map_Ks"),
+        (normal_texture, "map_Bump"),
+        (shininess_texture, "map_Ns"),
+        (dissolve_texture, "map_d"),
+    ];
+    let maps = maps.into_iter().filter(|(texture, _)| texture.is_some()).map(|(_, statement)| statement);
+    let others = material.unknown_param.keys().map(String::as_str).filter(|name| !["Pr", "Pm", "aniso"].contains(name));
+    maps.chain(others).collect()
+}
+
+/// Checks an MTL statement and appends to `out` what `tobj` shall see of it. Returns the name of a new material.
+fn check(statement: &str, named: bool, out: &mut String) -> Result<Option<String>, Fault> {
+    let (keyword, rest) = statement.split_once(char::is_whitespace).unwrap_or((statement, ""));
+    let rest = rest.trim();
+    if !keyword.chars().all(|c| c.is_ascii_alphanumeric() || "_-.:".contains(c)) {
+        return Err(Fault::new(quote(keyword), "an MTL statement"));
+    }
+    if !named && keyword != "newmtl" {
+        return Err(Fault::new(format!("{} before any material", quote(keyword)), "`newmtl` first"));
+    }
+    let mut words = rest.split_whitespace();
+    match keyword {
+        "newmtl" => {
+            if rest.is_empty() {
+                return Err(Fault::new("no name", "the name of the material"));
+            }
+            out.push_str(&format!("newmtl {rest}\n"));
+            return Ok(Some(rest.to_owned()));
+        }
+        // Ambient light and transmission filters do not exist here.
+        "Ka" | "Tf" | "Tr" | "sharpness" => {}
+        "Kd" | "Ks" | "Ke" => {
+            let red = non_negative(&mut words)?;
+            let [green, blue] = match words.next() {
+                None => [red, red],
+                Some(green) => [non_negative(&mut [green].into_iter())?, non_negative(&mut words)?],
+            };
+            out.push_str(&format!("{keyword} {red} {green} {blue}\n"));
+        }
+        "Ns" | "Ni" | "Pr" | "Pm" | "aniso" => {
+            let value = non_negative(&mut words)?;
+            out.push_str(&format!("{keyword} {value}\n"));
+        }
+        "d" => {
+            let value = number(&mut words.filter(|word| *word != "-halo"))?;
+            out.push_str(&format!("d {value}\n"));
+        }
+        "illum" => {
+            let model = words.next().and_then(|word| word.parse::<u8>().ok()).filter(|model| *model <= 10);
+            let model = model.ok_or_else(|| Fault::new(quote(rest), "an illumination model from 0 to 10"))?;
+            out.push_str(&format!("illum {model}\n"));
+        }
+        "map_Ka" => {}
+        _ if keyword.starts_with("map_") || keyword == "bump" => {
+            let (options, file) = split_options(rest);
+            if file.is_empty() {
+                return Err(Fault::new("no file", "the file of a texture"));
+            }
+            out.push_str(&format!("{keyword} {file}\n"));
+            if keyword == "map_Kd" {
+                options.iter().for_each(|option| out.push_str(&format!("map_Kd{option} 1\n")));
+            }
+        }
+        "v" | "vt" | "vn" | "f" | "usemtl" | "mtllib" => {
+            return Err(Fault::new("a statement of an OBJ file", "an MTL statement"));
+        }
+        _ => out.push_str(&format!("{keyword} {rest}\n")),
+    }
+    Ok(None)
+}
+
+fn non_negative<'a>(words: &mut impl Iterator<Item = &'a str>) -> Result<f32, Fault> {
+    let value = number(words)?;
+    if value >= 0.0 { Ok(value) } else { Err(Fault::new(value.to_string(), "a number of at least 0")) }
+}
+
+/// Splits `-s 1 1 1 -clamp on name.png` into the options' names and the file's, which may hold spaces.
+fn split_options(text: &str) -> (Vec<&str>, &str) {
+    let mut options = Vec::new();
+    let mut rest = text.trim();
+    while rest.starts_with('-') {
+        let (option, after) = rest.split_once(char::is_whitespace).unwrap_or((rest, ""));
+        options.push(option);
+        rest = after.trim_start();
+        while let Some((word, after)) = rest.split_once(char::is_whitespace) {
+            if word.parse::<f32>().is_err() && !["on", "off"].contains(&word) {
+                break;
+            }
+            rest = after.trim_start();
+        }
+        // Channels and mapping types are words.
+        if ["-imfchan", "-type"].contains(&option) {
+            rest = rest.split_once(char::is_whitespace).map_or("", |(_, after)| after.trim_start());
+        }
+    }
+    (options, rest)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn texture_options_are_skipped() {
+        for (text, options, file) in [
+            ("my file.png", vec![], "my file.png"),
+            ("-s 2 2 1 -clamp on a.png", vec!["-s", "-clamp"], "a.png"),
+            ("-imfchan r b.png", vec!["-imfchan"], "b.png"),
+            ("-s", vec!["-s"], ""),
+        ] {
+            assert_eq!(split_options(text), (options, file));
+        }
+    }
+}

@@ -1,0 +1,617 @@
+//! What loads to what: OBJ, MTL and scene files, and the errors and warnings of each.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use glam::{Affine3A, Mat3, Vec2, Vec3};
+use half::f16;
+use neubrdf::scene::{
+    Camera, Color, Environment, Error, Film, Fresnel, Lens, LightTable, Material, Mesh, Scene, Surface, Warning,
+};
+
+/// A folder of input files that goes away with the value.
+struct Folder(tempfile::TempDir);
+
+impl Folder {
+    fn new(files: &[(&str, &str)]) -> Folder {
+        let folder = Folder(tempfile::tempdir().unwrap());
+        files.iter().for_each(|(name, text)| fs::write(folder.path(name), text).unwrap());
+        folder
+    }
+
+    fn path(&self, name: &str) -> PathBuf {
+        self.0.path().join(name)
+    }
+
+    fn load(&self, name: &str) -> Result<(Scene, Vec<Warning>), Error> {
+        Scene::load(self.path(name))
+    }
+
+    fn scene(&self, name: &str) -> Scene {
+        let (scene, warnings) = self.load(name).unwrap_or_else(|error| panic!("{error}"));
+        assert!(warnings.is_empty(), "{warnings:?}");
+        scene
+    }
+}
+
+/// Loads a lone OBJ file.
+fn obj(text: &str) -> (Scene, Vec<Warning>) {
+    Folder::new(&[("a.obj", text)]).load("a.obj").unwrap_or_else(|error| panic!("{error}"))
+}
+
+/// The message of the error that a scene file ends in, beside an OBJ file of one triangle with the material `m`.
+fn toml_error(text: &str) -> String {
+    let folder = Folder::new(&[("a.obj", TRIANGLE), ("s.toml", text)]);
+    folder.load("s.toml").map(|_| ()).unwrap_err().to_string()
+}
+
+/// The scene of a scene file beside that OBJ file.
+fn toml(text: &str) -> Scene {
+    Folder::new(&[("a.obj", TRIANGLE), ("a.mtl", "newmtl m\nKd .2 .4 .6\n"), ("s.toml", text)]).scene("s.toml")
+}
+
+/// The material that an MTL file defines as `m`, and the warnings.
+fn mtl(text: &str) -> (Material, Vec<String>) {
+    let mtl = format!("newmtl m\n{text}");
+    let folder = Folder::new(&[("a.obj", TRIANGLE), ("a.mtl", &mtl)]);
+    let (scene, warnings) = folder.load("a.obj").unwrap_or_else(|error| panic!("{error}"));
+    (scene.materials[0].clone(), warnings.iter().map(Warning::to_string).collect())
+}
+
+const TRIANGLE: &str = "mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl m\nf 1 2 3\n";
+
+/// The corners of each triangle.
+fn triangles(mesh: &Mesh) -> Vec<[Vec3; 3]> {
+    (0..mesh.triangles.len()).map(|triangle| mesh.corners(triangle)).collect()
+}
+
+#[test]
+fn polygons_become_triangles_and_indices_may_count_backwards() {
+    let (scene, warnings) = obj("v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nv -1 .5 0\nf 1 2 3 4 5\nf -5 -4 -3\n");
+    let [a, b, c, d, e] = [[0., 0.], [1., 0.], [1., 1.], [0., 1.], [-1., 0.5]].map(|[x, y]| Vec3::new(x, y, 0.0));
+    assert_eq!(triangles(&scene.meshes[0]), [[a, b, c], [a, c, d], [a, d, e], [a, b, c]]);
+    assert_eq!(scene.meshes[0].positions.len(), 5);
+    assert!(scene.meshes[0].normals.is_empty(), "a flat mesh needs no normals");
+    assert!(warnings.is_empty());
+}
+
+#[test]
+fn objects_and_materials_of_a_file_become_one_mesh() {
+    let folder = Folder::new(&[
+        (
+            "a.obj",
+            "mtllib a b.mtl\nmtllib second.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\no one\nusemtl red wine\nf 1 2 3\no two\nusemtl blue\nf 1 3 2\nusemtl red wine\nf 2 1 3\n",
+        ),
+        ("a b.mtl", "newmtl red wine\nKd .5 0 0\n"),
+        ("second.mtl", "newmtl blue\nKd 0 0 .5\nnewmtl unused\nKd 1 1 1\n"),
+    ]);
+    let scene = folder.scene("a.obj");
+    assert_eq!(scene.meshes.len(), 1);
+    assert_eq!(scene.meshes[0].materials, [0, 1, 0]);
+    let names: Vec<&str> = scene.materials.iter().map(|material| material.name.as_str()).collect();
+    assert_eq!(names, ["red wine", "blue"]);
+    let albedo = |rgb: [f32; 3]| Surface::Diffuse { albedo: Color::constant(Vec3::from_array(rgb)) };
+    assert_eq!(scene.materials[0].surface, albedo([0.5, 0.0, 0.0]));
+    assert_eq!(scene.materials[1].surface, albedo([0.0, 0.0, 0.5]));
+}
+
+#[test]
+fn continuation_lines_comments_colours_and_windows_line_ends_are_read() {
+    let (scene, _) = obj("# \u{fffd}\r\nv 0 0 0 1 0 0\r\nv 1 0 0 1\r\nv 0 1 0 # third\r\nf 1 2 \\\r\n3 # done\r\n");
+    assert_eq!(triangles(&scene.meshes[0]), [[Vec3::ZERO, Vec3::X, Vec3::Y]]);
+}
+
+#[test]
+fn a_missing_mtl_is_a_warning_and_grey() {
+    let folder = Folder::new(&[("a.obj", TRIANGLE)]);
+    let (scene, warnings) = folder.load("a.obj").unwrap();
+    let grey = Surface::Diffuse { albedo: Color::constant(Vec3::splat(0.5)) };
+    assert_eq!(scene.materials[0].surface, grey);
+    assert!(warnings[0].to_string().contains("a.obj:1: there is no "), "{}", warnings[0]);
+    assert!(warnings[1].to_string().contains("`m` is not defined"), "{}", warnings[1]);
+}
+
+#[test]
+fn degenerate_triangles_are_dropped_with_one_warning() {
+    let (scene, warnings) = obj("v 0 0 0\nv 1 0 0\nv 0 1 0\nv 9 9 9\nf 1 2 3\nf 1 1 2\nf 4 4 4\n");
+    assert_eq!(scene.meshes[0].triangles.len(), 1);
+    assert_eq!(scene.meshes[0].positions.len(), 3, "their vertices go too");
+    assert_eq!(warnings.len(), 1);
+    assert!(warnings[0].to_string().ends_with("a.obj: dropped 2 triangles without area"), "{}", warnings[0]);
+}
+
+#[test]
+fn obj_errors_name_file_line_and_index() {
+    for (text, parts) in [
+        ("v 0 0 0\nv nan 0 0\n", vec!["a.obj:2", "`v`", "`nan` in vertex 2", "a finite number"]),
+        ("v 0 0 0\nv 1e39 0 0\n", vec!["a.obj:2", "`1e39` in vertex 2"]),
+        ("v 0 0 1e9\n", vec!["a.obj:1", "1000000000 in vertex 1", "at most 1e8"]),
+        ("v 0 0\n", vec!["a.obj:1", "the end of the statement in vertex 1"]),
+        ("v 0 0 0\nv 1 0 0\nf 1 2 3\n", vec!["a.obj:3", "`f`", "the index 3 of a position", "1 to 2"]),
+        ("v 0 0 0\nf 1 -1 -2\n", vec!["a.obj:2", "the index -2"]),
+        ("v 0 0 0\nf 0 1 1\n", vec!["the index 0"]),
+        ("v 0 0 0\nf 1/1 1/1 1/1\n", vec!["index 1 of a texture coordinate", "no texture coordinate precedes"]),
+        ("v 0 0 0\nf 1//2 1//2 1//2\n", vec!["index 2 of a normal"]),
+        ("v 0 0 0\nf a 1 1\n", vec!["`a` in the corner `a`", "whole number"]),
+        ("v 0 0 0\nf 1////1 1 1\n", vec!["`1////1`"]),
+        ("v 0 0 0\nf 1 1\n", vec!["a face of 2 corners"]),
+        ("v 0 0 0\nff 1 1 1\n", vec!["a.obj:2", "the statement `ff`"]),
+        ("v 0 0 0\n", vec!["a.obj: found no triangle"]),
+        ("usemtl\n", vec!["a.obj:1", "no name"]),
+    ] {
+        let error = Folder::new(&[("a.obj", text)]).load("a.obj").map(|_| ()).unwrap_err().to_string();
+        parts.iter().for_each(|part| assert!(error.contains(part), "{error}: lacks {part}"));
+    }
+}
+
+/// A roof of two triangles that meet at an angle of 60° between their normals.
+const ROOF: &str = "v 0 0 0\nv 0 0 1\nv -1 -.57735027 0\nv 1 -.57735027 0\nf 1 3 2\nf 1 2 4\n";
+
+#[test]
+fn normals_are_smoothed_up_to_the_crease_angle() {
+    let with = |options: &str| {
+        let file = format!("[[mesh]]\nfile = 'a.obj'\n{options}\n[environment]\nradiance = 1\n");
+        Folder::new(&[("a.obj", ROOF), ("s.toml", &file)]).scene("s.toml").meshes.remove(0)
+    };
+    assert!(with("").normals.is_empty());
+    assert!(with("normals = 'flat'").normals.is_empty());
+    for options in ["crease_angle = 61", "normals = 'smooth'"] {
+        let mesh = with(options);
+        assert_eq!(mesh.positions.len(), 4, "no vertex is split");
+        for (position, normal) in mesh.positions.iter().zip(&mesh.normals) {
+            // On the ridge the mean of both sides, elsewhere the side's own.
+            let expected = Vec3::new(position.x * 0.5, if position.x == 0.0 { 1.0 } else { 0.75f32.sqrt() }, 0.0);
+            assert!((*normal - expected).length() < 1e-6, "{position}: {normal}");
+        }
+    }
+}
+
+#[test]
+fn a_smooth_sphere_points_outwards_and_a_cube_stays_flat() {
+    let octahedron = "v 1 0 0\nv -1 0 0\nv 0 1 0\nv 0 -1 0\nv 0 0 1\nv 0 0 -1\n\
+        f 1 3 5\nf 3 2 5\nf 2 4 5\nf 4 1 5\nf 3 1 6\nf 2 3 6\nf 4 2 6\nf 1 4 6\n";
+    let file = "[[mesh]]\nfile = 'a.obj'\nnormals = 'smooth'\n[environment]\nradiance = 1\n";
+    let mesh = Folder::new(&[("a.obj", octahedron), ("s.toml", file)]).scene("s.toml").meshes.remove(0);
+    for (position, normal) in mesh.positions.iter().zip(&mesh.normals) {
+        assert!((*position - *normal).length() < 1e-6);
+    }
+}
+
+#[test]
+fn given_normals_are_kept_and_made_unit() {
+    let (scene, warnings) = obj("v 0 0 0\nv 1 0 0\nv 0 1 0\nvn 0 0 2\nvn 0 3 4\nvn 0 0 0\nf 1//1 2//2 3//3\n");
+    assert_eq!(scene.meshes[0].normals, [Vec3::Z, Vec3::new(0.0, 0.6, 0.8), Vec3::Z]);
+    assert!(warnings.is_empty());
+}
+
+#[test]
+fn faces_with_and_without_coordinates_warn() {
+    let (scene, warnings) = obj("v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nf 1/1 2/1 3/1\nf 1 3 2\n");
+    assert!(scene.meshes[0].uvs.is_empty());
+    assert!(warnings[0].to_string().contains("some faces have texture coordinates"), "{}", warnings[0]);
+}
+
+#[test]
+fn mtl_statements_map_onto_surfaces() {
+    let rgb = |r, g, b| Color::constant(Vec3::new(r, g, b));
+    let grey = |value| Color::constant(Vec3::splat(value));
+    let metal = |f0, alpha| Surface::Conductor { fresnel: Fresnel::Schlick { f0 }, alpha };
+    for (text, surface) in [
+        ("", Surface::Diffuse { albedo: grey(0.5) }),
+        ("Kd .1 .2 .3\n", Surface::Diffuse { albedo: rgb(0.1, 0.2, 0.3) }),
+        ("Kd .25\n", Surface::Diffuse { albedo: grey(0.25) }),
+        ("Kd .5 .5 .5\nKs 1 1 1\nNs 0\nillum 1\n", Surface::Diffuse { albedo: grey(0.5) }),
+        ("Kd .5 .5 .5\nKs 1 1 1\nNs 198\nillum 2\n", Surface::Coated { albedo: grey(0.5), ior: 1.5, alpha: 0.1 }),
+        ("Kd .5\nKs 1\nNi 1.3\nPr .5\n", Surface::Coated { albedo: grey(0.5), ior: 1.3, alpha: 0.25 }),
+        ("Kd 0\nKs .9 .8 .7\nNs 198\nillum 3\n", metal(rgb(0.9, 0.8, 0.7), Vec2::splat(0.1))),
+        ("Kd 0\nKs .9\nNs 198\nillum 5\n", metal(grey(0.9), Vec2::ZERO)),
+        ("Kd .9 .6 .3\nPm 1\nPr .5\n", metal(rgb(0.9, 0.6, 0.3), Vec2::splat(0.25))),
+        ("Kd 1\nillum 7\nNi 1.33\n", Surface::Dielectric { ior: 1.33, alpha: 0.0 }),
+        ("illum 4\nPr .2\n", Surface::Dielectric { ior: 1.5, alpha: 0.2f32 * 0.2 }),
+    ] {
+        let (material, warnings) = mtl(text);
+        assert_eq!(material.surface, surface, "{text}");
+        assert!(warnings.is_empty(), "{text}: {warnings:?}");
+    }
+    let (stretched, _) = mtl("Kd 1\nPm 1\nPr .5\naniso 1\n");
+    let Surface::Conductor { alpha, .. } = stretched.surface else { panic!("{stretched:?}") };
+    assert!((alpha.x / alpha.y - 10.0).abs() < 1e-3);
+    assert_eq!(mtl("Ke 1 2 3\n").0.emission, Vec3::new(1.0, 2.0, 3.0));
+}
+
+#[test]
+fn unsupported_mtl_statements_warn_once_each() {
+    let (_, warnings) = mtl("map_Ks a.png\nbump b.png\nmap_Bump c.png\nKd 2\nd .5\nPm .7\nnewmtl n\nmap_Ks x.png\n");
+    for part in ["`map_Ks`", "`map_Bump`", "clamped", "`d` below 1", "Pm 0.7 is taken as 1"] {
+        assert_eq!(warnings.iter().filter(|warning| warning.contains(part)).count(), 1, "{part}: {warnings:?}");
+    }
+    assert_eq!(warnings.len(), 5);
+}
+
+#[test]
+fn mtl_errors_name_file_and_line() {
+    for (text, parts) in [
+        ("Kd .5 .5\n", vec!["a.mtl:2", "`Kd`", "the end of the statement", "a number"]),
+        ("Kd -1 0 0\n", vec!["`Kd`", "-1", "at least 0"]),
+        ("Kd spectral x.rfl\n", vec!["`spectral`"]),
+        ("Ns inf\n", vec!["`Ns`", "`inf`", "finite"]),
+        ("illum 11\n", vec!["`illum`", "`11`", "0 to 10"]),
+        ("map_Kd -clamp\n", vec!["`map_Kd`", "no file"]),
+        ("v 0 0 0\n", vec!["a statement of an OBJ file"]),
+        ("\u{1}\n", vec!["an MTL statement"]),
+        ("map_Kd absent.png\n", vec!["absent.png: cannot be read", "named by", "a.mtl:1", "`m`"]),
+    ] {
+        let files = [("a.obj", TRIANGLE), ("a.mtl", &format!("newmtl m\n{text}"))];
+        let error = Folder::new(&files).load("a.obj").map(|_| ()).unwrap_err().to_string();
+        parts.iter().for_each(|part| assert!(error.contains(part), "{error}: lacks {part}"));
+    }
+}
+
+const SKY: &str = "[environment]\nradiance = 1\n";
+
+#[test]
+fn a_scene_file_says_camera_film_and_lights() {
+    let scene = toml(
+        "[camera]\neye = [1, 2, 3]\ntarget = [0, 0, 0]\nup = [0, 0, 1]\nfov = 30\nlens_radius = 0.1\n\
+         focus_distance = 2.5\n[film]\nwidth = 64\nheight = 32\n[[mesh]]\nfile = 'a.obj'\n\
+         [environment]\nradiance = [1, 2, 3]\nscale = 2\nrotate = 90\n[sun]\ndirection = [0, 2, 0]\nirradiance = 5\n",
+    );
+    assert_eq!(
+        scene.camera,
+        Camera {
+            eye: Vec3::new(1.0, 2.0, 3.0),
+            target: Vec3::ZERO,
+            up: Vec3::Z,
+            vertical_fov_degrees: 30.0,
+            lens: Some(Lens { radius: 0.1, focus_distance: 2.5 }),
+        }
+    );
+    assert_eq!(scene.film, Film { width: 64, height: 32 });
+    let environment = Environment { rotation_degrees: 90.0, ..Environment::constant(Vec3::new(2.0, 4.0, 6.0)) };
+    assert_eq!(scene.environment, Some(environment));
+    let sun = scene.sun.unwrap();
+    assert_eq!((sun.direction, sun.irradiance), (Vec3::Y, Vec3::splat(5.0)));
+}
+
+#[test]
+fn transforms_scale_then_turn_then_move() {
+    let place = |transform: &str| {
+        let scene = toml(&format!("[[mesh]]\nfile = 'a.obj'\ntransform = {{ {transform} }}\n{SKY}"));
+        scene.instances[0].object_to_world
+    };
+    let moved = |transform: &str| place(transform).transform_point3(Vec3::new(1.0, 0.0, 0.0));
+    let near = |found: Vec3, x: f32, y: f32, z: f32| {
+        assert!((found - Vec3::new(x, y, z)).length() < 1e-6, "{found}");
+    };
+    near(moved("translate = [1, 2, 3]"), 2.0, 2.0, 3.0);
+    near(moved("translate = [1, 0, 0], rotate = [0, 90, 0], scale = 2"), 1.0, 0.0, -2.0);
+    near(moved("axis = [0, 0, 2], angle = 90"), 0.0, 1.0, 0.0);
+    near(moved("rotate = [90, 0, 90]"), 0.0, 1.0, 0.0);
+    near(moved("scale = [3, 1, -1]"), 3.0, 0.0, 0.0);
+    near(moved("matrix = [[0, 0, 1, 5], [2, 0, 0, 6], [0, 1, 0, 7]]"), 5.0, 8.0, 7.0);
+    assert_eq!(place("scale = 1").matrix3, Mat3::IDENTITY.into());
+}
+
+#[test]
+fn instances_share_one_mesh() {
+    let scene = toml(&format!(
+        "[[mesh]]\nfile = 'a.obj'\ntransform = {{ scale = 2 }}\n\
+         instances = [{{ }}, {{ translate = [1, 0, 0] }}]\n[[mesh]]\nfile = 'a.obj'\n{SKY}"
+    ));
+    assert_eq!(scene.meshes.len(), 1);
+    let places: Vec<Affine3A> = scene.instances.iter().map(|instance| instance.object_to_world).collect();
+    assert_eq!(places[0], Affine3A::from_scale(Vec3::splat(2.0)));
+    assert_eq!(places[1], Affine3A::from_scale_rotation_translation(Vec3::splat(2.0), Default::default(), Vec3::X));
+    assert_eq!(places[2], Affine3A::IDENTITY);
+    assert_eq!(scene.materials.len(), 1);
+}
+
+#[test]
+fn material_overrides_replace_or_amend() {
+    let with = |text: &str| toml(&format!("[[mesh]]\nfile = 'a.obj'\n{SKY}[material.m]\n{text}")).materials.remove(0);
+    let kd = Color::constant(Vec3::new(0.2, 0.4, 0.6));
+    let light = with("emission = 3\nemits_both_sides = true\n");
+    assert_eq!((light.emission, light.emits_both_sides), (Vec3::splat(3.0), true));
+    assert_eq!(light.surface, Surface::Diffuse { albedo: kd }, "the MTL's surface stays");
+    assert_eq!(with("albedo = 1").surface, Surface::Diffuse { albedo: Color::constant(Vec3::ONE) });
+    assert_eq!(
+        with("type = 'coated'\nior = 1.4\nroughness = 0.5").surface,
+        Surface::Coated { albedo: kd, ior: 1.4, alpha: 0.25 }
+    );
+    assert_eq!(with("type = 'dielectric'\nalpha = 0.3").surface, Surface::Dielectric { ior: 1.5, alpha: 0.3 });
+    assert_eq!(
+        with("type = 'mirror'").surface,
+        Surface::Conductor { fresnel: Fresnel::Schlick { f0: Color::constant(Vec3::ONE) }, alpha: Vec2::ZERO }
+    );
+    assert_eq!(
+        with("type = 'conductor'\neta = [1, 2, 3]\nk = 4\nroughness = [0.5, 1]").surface,
+        Surface::Conductor {
+            fresnel: Fresnel::Complex { eta: Vec3::new(1.0, 2.0, 3.0), kappa: Vec3::splat(4.0) },
+            alpha: Vec2::new(0.25, 1.0)
+        }
+    );
+    let Surface::Conductor { fresnel: Fresnel::Complex { eta, kappa }, .. } =
+        with("type = 'conductor'\nmetal = 'gold'").surface
+    else {
+        panic!("gold has a complex index")
+    };
+    let f0 = ((eta - 1.0) * (eta - 1.0) + kappa * kappa) / ((eta + 1.0) * (eta + 1.0) + kappa * kappa);
+    assert!((f0 - Vec3::new(0.94, 0.85, 0.39)).length() < 0.01, "{f0}");
+}
+
+#[test]
+fn scene_file_errors_name_line_field_and_remedy() {
+    let mesh = "[[mesh]]\nfile = 'a.obj'\n";
+    for (text, parts) in [
+        ("[cammera]\n", vec!["s.toml:1", "unknown key `cammera`", "`camera`"]),
+        ("[camera]\n\neyes = [0,0,0]\n", vec!["s.toml:3", "camera", "`eyes`", "`eye`"]),
+        ("[camera]\neye = [0,0,0]\n", vec!["s.toml:1", "nothing", "the key `target`"]),
+        ("[camera]\neye = [0,0]\ntarget=[0,0,0]\n", vec!["s.toml:2", "camera.eye", "`[0,0]`", "3 numbers"]),
+        ("[camera]\neye = [0,nan,0]\ntarget=[0,0,0]\n", vec!["camera.eye[1]", "`nan`"]),
+        ("[camera]\neye = [0,0,0]\ntarget=[0,0,0]\n", vec!["camera.target", "other than the eye"]),
+        ("[camera]\neye = [0,0,0]\ntarget=[0,1,0]\n", vec!["along target"]),
+        ("[camera]\neye = [0,0,0]\ntarget=[1,0,0]\nfov = 180\n", vec!["s.toml:4", "camera.fov", "`180`", "179"]),
+        ("[film]\nwidth = 0\nheight = 1\n", vec!["film.width", "`0`", "from 1 to 65536"]),
+        ("[film]\nwidth = 100000\nheight = 1\n", vec!["film.width", "`100000`"]),
+        ("", vec!["s.toml:1", "nothing", "the key `mesh`"]),
+        ("mesh = 3\n", vec!["mesh", "`3`", "an array"]),
+        ("mesh = [\n", vec!["s.toml", "broken TOML"]),
+        ("[[mesh]]\nfile = 'b.obj'\n", vec!["b.obj: cannot be read"]),
+        ("[[mesh]]\nfile = 'a.obj'\nnormals = 'soft'\n", vec!["s.toml:3", "mesh[0].normals", "`'soft'`", "\"smooth\""]),
+        ("[[mesh]]\nfile = 'a.obj'\ntransform = { scale = 0 }\n", vec!["mesh[0].transform", "determinant 0"]),
+        ("[[mesh]]\nfile = 'a.obj'\ntransform = { scale = 1, matrix = [] }\n", vec!["no other key"]),
+        ("[[mesh]]\nfile = 'a.obj'\ntransform = { axis = [0,1,0] }\n", vec!["a mixture of rotations"]),
+        ("[[mesh]]\nfile = 'a.obj'\ninstances = []\n", vec!["no instance"]),
+        (
+            "[[mesh]]\nfile = 'a.obj'\ntransform = { scale = 1e3, translate = [1e8, 0, 0] }\n",
+            vec!["s.toml", "at most 1e8"],
+        ),
+    ] {
+        let error = toml_error(text);
+        parts.iter().for_each(|part| assert!(error.contains(part), "{error}: lacks {part}"));
+    }
+    for (text, parts) in [
+        ("[material.n]\n", vec!["s.toml:3", "`n`, which no mesh uses", "`m`"]),
+        ("[material.m]\ntype = 'glass'\n", vec!["s.toml:4", "material.m.type", "`'glass'`", "\"dielectric\""]),
+        ("[material.m]\nroughnes = 1\ntype='coated'\n", vec!["s.toml:4", "`roughnes`", "`roughness`"]),
+        ("[material.m]\ntype='coated'\nalpha = [1, .5]\n", vec!["broken TOML"]),
+        ("[material.m]\ntype='coated'\nalpha = [1, 0.5]\n", vec!["anisotropic", "one number"]),
+        ("[material.m]\ntype='coated'\nalpha = 1\nroughness = 1\n", vec!["both", "one of them"]),
+        ("[material.m]\ntype='conductor'\n", vec!["no reflectance", "`metal`"]),
+        ("[material.m]\ntype='conductor'\nmetal='brass'\n", vec!["material.m.metal", "`'brass'`", "gold"]),
+        ("[material.m]\nalbedo = 1.5\n", vec!["material.m.albedo", "`1.5`", "from 0 to 1"]),
+        ("[material.m]\nemission = -1\n", vec!["material.m.emission", "from 0 to 1e12"]),
+        ("[environment]\n", vec!["`file` and `radiance`"]),
+        ("[environment]\nfile = 'a.obj'\n", vec!["a.obj", "an OpenEXR image"]),
+        ("[environment]\nfile = 'none.exr'\n", vec!["none.exr: cannot be read", "s.toml:4", "environment.file"]),
+        ("[sun]\ndirection = [0,0,0]\nirradiance = 1\n", vec!["sun.direction", "towards the sun"]),
+        ("[sun]\ndirection = [0,1,0]\n", vec!["sun", "the key `irradiance`"]),
+    ] {
+        let error = toml_error(&format!("{mesh}{text}"));
+        parts.iter().for_each(|part| assert!(error.contains(part), "{error}: lacks {part}"));
+    }
+}
+
+#[test]
+fn a_scene_without_light_warns() {
+    let folder = Folder::new(&[("a.obj", ROOF), ("s.toml", "[[mesh]]\nfile = 'a.obj'\n")]);
+    let (_, warnings) = folder.load("s.toml").unwrap();
+    assert!(warnings[0].to_string().contains("nothing emits light"), "{}", warnings[0]);
+}
+
+#[test]
+fn a_bare_obj_is_framed_under_a_uniform_sky() {
+    let (scene, _) = obj("v -3 0 0\nv 5 0 -1\nv 0 7 2\nf 1 2 3\n");
+    assert_eq!(scene.environment, Some(Environment::constant(Vec3::ONE)));
+    let Camera { eye, target, up, vertical_fov_degrees, .. } = scene.camera;
+    let forward = (target - eye).normalize();
+    let right = forward.cross(up).normalize();
+    let half = (vertical_fov_degrees.to_radians() / 2.0).tan();
+    for position in &scene.meshes[0].positions {
+        let seen = *position - eye;
+        let [x, y] = [right, right.cross(forward)].map(|axis| seen.dot(axis) / seen.dot(forward) / half);
+        assert!(x.abs() <= 1.0 && y.abs() <= 1.0, "{position} is outside of the picture");
+    }
+}
+
+/// Writes an EXR whose texel (x, y) is `color(x, y)`.
+fn write_exr(path: &Path, width: usize, height: usize, color: impl Fn(usize, usize) -> (f32, f32, f32) + Sync) {
+    exr::prelude::write_rgb_file(path, width, height, color).unwrap();
+}
+
+#[test]
+fn textures_decode_to_linear_and_load_once() {
+    let mtl = "newmtl a\nmap_Kd -clamp on t.png\nnewmtl b\nKd .5 .5 .5\nmap_Kd t.png\nnewmtl c\nmap_Kd t.exr\nnewmtl d\nmap_Kd unused.png\n";
+    let obj = "mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl a\nf 1 2 3\nusemtl b\nf 1 2 3\nusemtl c\nf 1 2 3\nusemtl d\nf 1 2 3\n";
+    let toml = format!("[[mesh]]\nfile = 'a.obj'\n[material.d]\nalbedo = 0.5\n[material.a]\n{SKY}");
+    let folder = Folder::new(&[("a.obj", obj), ("a.mtl", mtl), ("s.toml", &toml)]);
+    let image = image::RgbImage::from_fn(2, 1, |x, _| image::Rgb([x as u8 * 255, 128, 0]));
+    image.save(folder.path("t.png")).unwrap();
+    write_exr(&folder.path("t.exr"), 1, 2, |_, y| (y as f32, 0.25, 2.0));
+
+    let (scene, warnings) = folder.load("s.toml").unwrap();
+    assert_eq!(scene.textures.len(), 2, "an overridden texture is not even looked for");
+    let half = |rgb: [f32; 3]| [rgb[0], rgb[1], rgb[2], 1.0].map(f16::from_f32);
+    assert_eq!(scene.textures[0].texels, [half([0.0, 0.2158605, 0.0]), half([1.0, 0.2158605, 0.0])]);
+    assert_eq!(scene.textures[1].texels, [half([0.0, 0.25, 1.0]), half([1.0, 0.25, 1.0])]);
+    assert_eq!((scene.textures[1].width, scene.textures[1].height), (1, 2));
+    let albedo = |index: usize| match scene.materials[index].surface {
+        Surface::Diffuse { albedo } => albedo,
+        _ => panic!("diffuse"),
+    };
+    assert_eq!(albedo(0), Color { value: Vec3::ONE, texture: Some(0) });
+    assert_eq!(albedo(1), Color { value: Vec3::splat(0.5), texture: Some(0) });
+    assert_eq!(albedo(2), Color { value: Vec3::ONE, texture: Some(1) });
+    assert_eq!(albedo(3), Color::constant(Vec3::splat(0.5)));
+    let warnings: Vec<String> = warnings.iter().map(Warning::to_string).collect();
+    assert!(warnings.iter().any(|warning| warning.contains("`map_Kd-clamp` is not supported")), "{warnings:?}");
+    assert!(warnings.iter().any(|warning| warning.contains("2 texels lie outside of [0, 1]")), "{warnings:?}");
+}
+
+#[test]
+fn environments_load_row_by_row_from_the_zenith() {
+    let file = "[[mesh]]\nfile = 'a.obj'\n[environment]\nfile = 'sky.exr'\nscale = [1, 2, 4]\nrotate = 45\n";
+    let folder = Folder::new(&[("a.obj", ROOF), ("s.toml", file)]);
+    write_exr(&folder.path("sky.exr"), 4, 2, |x, y| (x as f32, y as f32, 100.0));
+    let environment = folder.scene("s.toml").environment.unwrap();
+    assert_eq!((environment.width, environment.height, environment.rotation_degrees), (4, 2, 45.0));
+    assert_eq!(environment.texels[6], Vec3::new(2.0, 2.0, 400.0));
+
+    write_exr(&folder.path("sky.exr"), 2, 2, |x, y| (1.0, if (x, y) == (1, 0) { f32::NAN } else { -1.0 }, 1.0));
+    let error = folder.load("s.toml").map(|_| ()).unwrap_err().to_string();
+    assert!(error.contains("sky.exr") && error.contains("at (1, 0)"), "{error}");
+    write_exr(&folder.path("sky.exr"), 2, 2, |_, _| (1.0, -1.0, 1.0));
+    let (scene, warnings) = folder.load("s.toml").unwrap();
+    assert_eq!(scene.environment.unwrap().texels[0], Vec3::new(1.0, 0.0, 4.0));
+    assert!(warnings[0].to_string().contains("4 texels are negative"), "{}", warnings[0]);
+}
+
+#[test]
+fn the_hash_follows_the_content_and_not_the_names() {
+    let file = format!("[[mesh]]\nfile = 'a.obj'\n{SKY}");
+    let hash = |obj: &str, obj_name: &str, toml: &str| {
+        let toml = toml.replace("a.obj", obj_name);
+        Folder::new(&[(obj_name, obj), ("s.toml", &toml)]).scene("s.toml").hash()
+    };
+    let original = hash(ROOF, "a.obj", &file);
+    assert_eq!(original, hash(ROOF, "other.obj", &file));
+    assert_eq!(original, hash(&format!("# the same\no x\n{ROOF}"), "a.obj", &file));
+    assert_ne!(original, hash(&ROOF.replace("v 0 0 1", "v 0 0 1.0000001"), "a.obj", &file));
+    for change in ["[film]\nwidth = 1\nheight = 1\n", "[sun]\ndirection = [0,1,0]\nirradiance = 1\n"] {
+        assert_ne!(original, hash(ROOF, "a.obj", &format!("{file}{change}")));
+    }
+    assert_ne!(original, hash(ROOF, "a.obj", &file.replace("radiance = 1", "radiance = 1.5")));
+}
+
+#[path = "../examples/make_scenes.rs"]
+mod make_scenes;
+
+const SHIPPED: [&str; 6] = ["cornell", "preview", "many_lights", "furnace", "sky", "still_life"];
+
+fn shipped(name: &str) -> Scene {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes").join(name).join("scene.toml");
+    let (scene, warnings) = Scene::load(path).unwrap_or_else(|error| panic!("{error}"));
+    assert!(warnings.is_empty(), "{warnings:?}");
+    scene
+}
+
+#[test]
+fn shipped_scenes_are_what_their_generator_makes() {
+    let made = tempfile::tempdir().unwrap();
+    make_scenes::write_all(made.path()).unwrap();
+    let shipped = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes");
+    let mut total = 0;
+    for name in SHIPPED {
+        let mut files = 0;
+        for entry in fs::read_dir(made.path().join(name)).unwrap() {
+            let file = entry.unwrap().file_name();
+            let bytes = fs::read(made.path().join(name).join(&file)).unwrap();
+            assert!(fs::read(shipped.join(name).join(&file)).unwrap() == bytes, "{name}/{file:?} differs");
+            total += bytes.len();
+            files += 1;
+        }
+        assert_eq!(fs::read_dir(shipped.join(name)).unwrap().count(), files, "{name} has a file of unknown origin");
+    }
+    assert!(total < 2 << 20, "{total} bytes");
+}
+
+#[test]
+fn shipped_scenes_cover_every_feature() {
+    let scenes = SHIPPED.map(shipped);
+    let any = |has: &dyn Fn(&Scene) -> bool| scenes.iter().any(has);
+    let surface = |is: &dyn Fn(&Surface) -> bool| any(&|scene| scene.materials.iter().any(|m| is(&m.surface)));
+    assert!(surface(&|s| matches!(s, Surface::Diffuse { albedo } if albedo.texture.is_some())));
+    assert!(surface(&|s| matches!(s, Surface::Conductor { alpha, .. } if *alpha == Vec2::ZERO)));
+    assert!(surface(&|s| matches!(s, Surface::Conductor { alpha, .. } if alpha.x != alpha.y)));
+    assert!(surface(&|s| matches!(s, Surface::Conductor { fresnel: Fresnel::Complex { .. }, .. })));
+    assert!(surface(&|s| matches!(s, Surface::Dielectric { alpha, .. } if *alpha == 0.0)));
+    assert!(surface(&|s| matches!(s, Surface::Dielectric { alpha, .. } if *alpha > 0.0)));
+    assert!(surface(&|s| matches!(s, Surface::Coated { alpha, .. } if *alpha == 0.0)));
+    assert!(surface(&|s| matches!(s, Surface::Coated { alpha, .. } if *alpha > 0.0)));
+    assert!(any(&|scene| scene.environment.as_ref().is_some_and(|sky| sky.width == 256)));
+    assert!(any(&|scene| scene.sun.is_some()));
+    assert!(any(&|scene| scene.camera.lens.is_some()));
+    assert!(any(&|scene| scene.instances.len() > scene.meshes.len()));
+    assert!(any(&|scene| scene.instances.iter().any(|at| at.object_to_world.matrix3.determinant() < 0.0)));
+    for scene in &scenes {
+        assert!(scene.film.width <= 256 && scene.film.height <= 256);
+        for mesh in &scene.meshes {
+            assert!(mesh.normals.iter().all(|normal| (normal.length() - 1.0).abs() < 1e-5));
+        }
+    }
+}
+
+/// Volume that the triangles of a material enclose: positive where they face outwards.
+fn volume(scene: &Scene, material: &str) -> f32 {
+    let mut volume = 0.0;
+    for mesh in &scene.meshes {
+        for triangle in 0..mesh.triangles.len() {
+            if scene.materials[mesh.material(triangle) as usize].name == material {
+                let [a, b, c] = mesh.corners(triangle);
+                volume += a.dot(b.cross(c)) / 6.0;
+            }
+        }
+    }
+    volume
+}
+
+#[test]
+fn closed_objects_of_the_shipped_scenes_face_outwards() {
+    let ball = 4.0 / 3.0 * std::f32::consts::PI;
+    for (scene, material, expected) in [
+        ("preview", "ball", ball),
+        ("preview", "ring", 2.0 * std::f32::consts::PI.powi(2) * 0.62 * 0.01),
+        ("many_lights", "wall", -6.0 * 6.0 * 3.0),
+        ("furnace", "diffuse", ball),
+        ("furnace", "mirror", ball),
+        ("furnace", "glass", ball),
+        ("furnace", "coated", ball),
+        ("sky", "glass", ball * 0.216),
+        ("sky", "clay", 2.0 * std::f32::consts::PI.powi(2) * 0.7 * 0.0625),
+        ("still_life", "frosted", ball * 0.216),
+        ("still_life", "mirror", ball * 0.015625),
+    ] {
+        let found = volume(&shipped(scene), material);
+        assert!((found / expected - 1.0).abs() < 0.04, "{scene}, {material}: {found}, expected {expected}");
+    }
+    // Facets and shading normals agree in sign.
+    for name in SHIPPED {
+        for mesh in shipped(name).meshes {
+            for (corners, triangle) in triangles(&mesh).iter().zip(&mesh.triangles) {
+                let facet = (corners[1] - corners[0]).cross(corners[2] - corners[0]);
+                assert!(triangle.iter().all(|&v| mesh.normals.get(v as usize).is_none_or(|n| n.dot(facet) > 0.0)));
+            }
+        }
+    }
+}
+
+#[test]
+fn the_cornell_box_is_mitsubas() {
+    let scene = shipped("cornell");
+    let bounds = scene.bounds();
+    // Its large block reaches a hundredth through the floor.
+    assert_eq!((bounds.min, bounds.max), (Vec3::new(-1.0, -1.01, -1.0), Vec3::ONE));
+    let light = scene.materials.iter().position(|material| material.is_emissive()).unwrap();
+    assert_eq!(scene.materials[light].emission, Vec3::new(18.387, 13.9873, 6.75357));
+    let mesh = &scene.meshes[0];
+    let area: f32 = (0..mesh.triangles.len())
+        .filter(|triangle| mesh.material(*triangle) as usize == light)
+        .map(|triangle| {
+            let [a, b, c] = mesh.corners(triangle);
+            let cross = (b - a).cross(c - a);
+            assert!(cross.y < 0.0, "the light faces down");
+            cross.length() / 2.0
+        })
+        .sum();
+    assert!((area - 0.46 * 0.38).abs() < 1e-5);
+    assert_eq!(mesh.triangles.len(), 2 * (5 + 1 + 2 * 6));
+}
+
+#[test]
+fn ten_thousand_lights_are_normal() {
+    let folder = tempfile::tempdir().unwrap();
+    make_scenes::many_lights(folder.path(), 10_000).unwrap();
+    let (scene, warnings) = Scene::load(folder.path().join("scene.toml")).unwrap();
+    assert!(warnings.is_empty(), "{warnings:?}");
+    assert_eq!(LightTable::new(&scene).triangles.len(), 10_000);
+}
