@@ -17,7 +17,14 @@ use rspirv::dr::{Instruction, Module, Operand};
 use rspirv::spirv::{Decoration, ExecutionModel, Op, StorageClass, Word};
 
 /// All structs that host and kernels share.
-const SHARED: &[&[StructLayout]] = &[common::gpu_structs::GPU_TEST_STRUCTS];
+const SHARED: &[&[StructLayout]] = &[
+    common::bsdf_structs::BSDF_TEST_STRUCTS,
+    common::gpu_structs::GPU_TEST_STRUCTS,
+    neubrdf::render::GEOMETRY_STRUCTS,
+    neubrdf::render::MATERIAL_STRUCTS,
+    neubrdf::render::bvh::BVH_STRUCTS,
+    neubrdf::render::WAVEFRONT_STRUCTS,
+];
 
 #[test]
 fn every_struct_of_every_kernel_is_laid_out_as_its_rust_counterpart() {
