@@ -66,6 +66,7 @@ impl Census {
         let (keyword, rest) = statement.split_once(char::is_whitespace).unwrap_or((statement, ""));
         let rest = rest.trim();
         let numbers = rest.split('#').next().unwrap_or_default();
+        let uncommented = numbers.len() == rest.len();
         let mut words = numbers.split_whitespace();
         match keyword {
             "v" => {
@@ -74,9 +75,10 @@ impl Census {
                     coordinate(&mut words).map_err(|fault| fault.of(format!("vertex {}", self.positions + 1)))?;
                 }
                 self.positions += 1;
-                match words.next() {
-                    None => push_line(out, statement),
-                    Some(_) => push_words(out, "v", numbers, 3),
+                if words.next().is_none() && uncommented {
+                    push_line(out, statement);
+                } else {
+                    push_words(out, "v", numbers, 3);
                 }
             }
             "vt" => {
@@ -103,7 +105,7 @@ impl Census {
                 if corners < 3 {
                     return Err(Fault::new(format!("a face of {corners} corners"), "at least 3"));
                 }
-                if numbers.len() == rest.len() {
+                if uncommented {
                     push_line(out, statement);
                 } else {
                     push_words(out, "f", numbers, usize::MAX);
