@@ -42,9 +42,9 @@ pub fn write_all(folder: &Path) -> Outcome {
 
 /// The Cornell box, scaled to [−1, 1]³ as in Mitsuba 3's `mi.cornell_box()`, so that pictures compare pixel by pixel.
 ///
-/// The reflectances and the light are the spectra measured at Cornell (graphics.cornell.edu/online/box/data.html)
-/// times the CIE 1931 colour matching functions under an equal-energy illuminant, as linear Rec. 709 without chromatic
-/// adaptation: that is why a grey of 0.74 has more red than blue.
+/// The reflectances are the spectra measured at Cornell (graphics.cornell.edu/online/box/data.html) times the CIE 1931
+/// colour matching functions under an equal-energy illuminant, as linear Rec. 709 without chromatic adaptation: that is
+/// why a grey of 0.74 has more red than blue. The light's radiance is the RGB value that Mitsuba gives to it.
 fn cornell(folder: &Path) -> Outcome {
     let mut obj = Obj::new("cornell.mtl");
     let square = |x: Vec3, y: Vec3, center: Vec3| [center - x - y, center + x - y, center + x + y, center - x + y];
