@@ -2,9 +2,41 @@
 //!
 //! Directions are unit vectors in the local shading frame, z along the normal, both pointing away from the surface:
 //! `wi` towards the light, `wo` towards the viewer. For a [`Surface::Dielectric`](crate::scene::Surface) z points
-//! out of the solid; opaque surfaces see `wo.z > 0` only (the tracer turns the frame).
+//! out of the solid; opaque surfaces see `wo.z > 0` only (the tracer turns the frame). A direction whose |z| is below
+//! [`MIN_COSINE`] lies in the surface: it neither sends nor receives anything.
+//!
+//! `docs/materials.md` has the formulas, where they come from and what they leave out.
 
-use glam::DVec3;
+mod coat_albedo;
+mod coated;
+mod conductor;
+mod dielectric;
+mod diffuse;
+mod frame;
+mod fresnel;
+mod ggx;
+
+use glam::{DVec3, Vec2};
+
+use crate::scene::{Color, Fresnel, Surface};
+
+pub use coat_albedo::CoatAlbedo;
+pub use coated::Coated;
+pub use conductor::{Conductor, Reflectance};
+pub use dielectric::Dielectric;
+pub use diffuse::Diffuse;
+pub use frame::{Frame, orthonormal_basis, triangle_dpdu};
+pub use fresnel::{fresnel_complex, fresnel_dielectric, fresnel_dielectric_average, fresnel_schlick};
+pub use ggx::Ggx;
+
+/// GGX surfaces with α below this are perfectly smooth: their lobe is a Dirac delta.
+pub const SMOOTH_ALPHA: f32 = 1e-4;
+
+/// A boundary whose index of refraction is this close to 1 is not there: light passes straight through.
+pub const INDEX_MATCH: f32 = 1e-4;
+
+/// Directions with |cos θ| below this lie in the surface, where values may exceed what `f32` holds.
+pub const MIN_COSINE: f64 = 1e-6;
 
 /// What sampling a BSDF gives.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -17,4 +49,102 @@ pub struct BsdfSample {
     pub pdf: f64,
     /// The direction comes from a Dirac lobe: `eval` and `pdf` know nothing of it.
     pub is_delta: bool,
+}
+
+/// The scattering of a surface at one point.
+#[derive(Clone, Copy, Debug)]
+pub enum Bsdf<'a> {
+    /// Lambertian reflection.
+    Diffuse(Diffuse),
+    /// Reflection by a metal.
+    Conductor(Conductor),
+    /// Reflection and refraction at the boundary of a solid.
+    Dielectric(Dielectric),
+    /// A diffuse base under a dielectric coat.
+    Coated(Coated<'a>),
+}
+
+impl<'a> Bsdf<'a> {
+    /// The scattering of `surface` where its [`color`], times its texture, is `color`. `coat` is what
+    /// [`CoatAlbedo::new`] found for the same surface.
+    pub fn new(surface: &Surface, color: DVec3, coat: &'a CoatAlbedo) -> Bsdf<'a> {
+        match *surface {
+            Surface::Diffuse { .. } => Bsdf::Diffuse(Diffuse { albedo: color }),
+            Surface::Conductor { fresnel, alpha } => Bsdf::Conductor(Conductor {
+                reflectance: match fresnel {
+                    Fresnel::Schlick { .. } => Reflectance::Schlick { f0: color },
+                    Fresnel::Complex { eta, kappa } => {
+                        Reflectance::Complex { eta: eta.as_dvec3(), kappa: kappa.as_dvec3() }
+                    }
+                },
+                roughness: Ggx::new(alpha),
+            }),
+            Surface::Dielectric { ior, alpha } => Bsdf::Dielectric(Dielectric::new(ior, alpha)),
+            Surface::Coated { ior, alpha, .. } => {
+                Bsdf::Coated(Coated { base: color, ior: ior.into(), roughness: Ggx::new(Vec2::splat(alpha)), coat })
+            }
+        }
+    }
+
+    /// f(wo, wi) in sr⁻¹, without the cosine; radiance is what is transported, so that refraction into a denser
+    /// medium scales by 1/η². Dirac lobes count as 0.
+    pub fn eval(&self, wo: DVec3, wi: DVec3) -> DVec3 {
+        match self {
+            Bsdf::Diffuse(diffuse) => diffuse.eval(wo, wi),
+            Bsdf::Conductor(conductor) => conductor.eval(wo, wi),
+            Bsdf::Dielectric(dielectric) => dielectric.eval(wo, wi),
+            Bsdf::Coated(coated) => coated.eval(wo, wi),
+        }
+    }
+
+    /// The density, in sr⁻¹, with which [`Bsdf::sample`] picks `wi`, Dirac lobes aside.
+    pub fn pdf(&self, wo: DVec3, wi: DVec3) -> f64 {
+        match self {
+            Bsdf::Diffuse(diffuse) => diffuse.pdf(wo, wi),
+            Bsdf::Conductor(conductor) => conductor.pdf(wo, wi),
+            Bsdf::Dielectric(dielectric) => dielectric.pdf(wo, wi),
+            Bsdf::Coated(coated) => coated.pdf(wo, wi),
+        }
+    }
+
+    /// Picks `wi` for three numbers in [0, 1): two for the direction, the third for the lobe. `None` where the
+    /// surface absorbs the path: the densities need not integrate to 1.
+    pub fn sample(&self, wo: DVec3, u: [f64; 3]) -> Option<BsdfSample> {
+        match self {
+            Bsdf::Diffuse(diffuse) => diffuse.sample(wo, u),
+            Bsdf::Conductor(conductor) => conductor.sample(wo, u),
+            Bsdf::Dielectric(dielectric) => dielectric.sample(wo, u),
+            Bsdf::Coated(coated) => coated.sample(wo, u),
+        }
+    }
+
+    /// Whether all lobes are Dirac deltas: sampling a light is then useless.
+    pub fn is_delta(&self) -> bool {
+        match self {
+            Bsdf::Diffuse(_) | Bsdf::Coated(_) => false,
+            Bsdf::Conductor(conductor) => conductor.roughness.is_none(),
+            Bsdf::Dielectric(dielectric) => dielectric.roughness.is_none(),
+        }
+    }
+}
+
+/// The colour of a surface that a texture may multiply; white where the model has none.
+pub fn color(surface: &Surface) -> Color {
+    match *surface {
+        Surface::Diffuse { albedo } | Surface::Coated { albedo, .. } => albedo,
+        Surface::Conductor { fresnel: Fresnel::Schlick { f0 }, .. } => f0,
+        Surface::Conductor { fresnel: Fresnel::Complex { .. }, .. } | Surface::Dielectric { .. } => {
+            Color::constant(glam::Vec3::ONE)
+        }
+    }
+}
+
+/// Whether both directions are above the surface.
+fn both_above(wo: DVec3, wi: DVec3) -> bool {
+    wo.z >= MIN_COSINE && wi.z >= MIN_COSINE
+}
+
+/// The mirror direction of `w` about the unit vector `m`.
+fn reflect(w: DVec3, m: DVec3) -> DVec3 {
+    (2.0 * w.dot(m) * m - w).normalize()
 }

@@ -1,1 +1,204 @@
-//! reference
+//! The reference: a path tracer on the CPU, in `f64`, over Embree.
+//!
+//! It shares the scene and the text-book BSDFs of [`material`](crate::material) with nothing on the device, and has its
+//! own code for everything else: rays by Embree in robust mode, hit points recomputed in `f64`, lights picked by binary
+//! search in their cumulated power, random numbers from xoshiro256++. What it renders is unbiased: path tracing with
+//! next-event estimation, multiple importance sampling by the balance heuristic, and Russian roulette.
+//!
+//! Its pictures have the planes of [`image::plane`](crate::image::plane), variance included, and depend on the seed, not
+//! on the number of threads.
+#![allow(unsafe_code)]
+
+mod camera;
+mod embree;
+mod film;
+mod lights;
+mod path;
+mod random;
+mod surface;
+
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::time::Instant;
+
+use glam::DVec3;
+use rayon::prelude::*;
+
+use self::camera::View;
+pub use self::embree::{Accelerator, Hit, Ray, TraceMode};
+use self::film::PixelSums;
+use self::lights::Lights;
+use self::random::Random;
+use self::surface::Placement;
+use crate::image::{Crop, Metadata, Picture};
+use crate::material::CoatAlbedo;
+use crate::scene::Scene;
+
+/// What can go wrong.
+#[derive(Debug, thiserror::Error)]
+pub enum Error {
+    /// Embree could not start or build its trees.
+    #[error("Embree: {0}")]
+    Embree(String),
+    /// The crop is empty or leaves the film.
+    #[error(
+        "the crop of {}×{} pixels at ({}, {}) is empty or leaves the film of {}×{} pixels",
+        crop.width, crop.height, crop.x, crop.y, film[0], film[1]
+    )]
+    Crop {
+        /// What was asked for.
+        crop: Crop,
+        /// The film's size.
+        film: [u32; 2],
+    },
+}
+
+/// What to render of a scene, and how well.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ReferenceOptions {
+    /// Samples a pixel.
+    pub spp: u32,
+    /// Another seed gives independent noise.
+    pub seed: u64,
+    /// Longest path, in segments: 1 sees only lights, 2 adds direct illumination.
+    pub max_depth: u32,
+    /// A part of the film; the whole if `None`.
+    pub crop: Option<Crop>,
+}
+
+impl Default for ReferenceOptions {
+    fn default() -> ReferenceOptions {
+        ReferenceOptions { spp: 64, seed: 0, max_depth: 16, crop: None }
+    }
+}
+
+/// What rendering took.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Statistics {
+    /// Wall-clock time, seconds.
+    pub seconds: f64,
+    /// Camera samples.
+    pub samples: u64,
+    /// Rays traced for a closest hit, camera rays included.
+    pub closest_rays: u64,
+    /// Rays traced for visibility.
+    pub shadow_rays: u64,
+    /// Samples of the pixel that has the fewest; less than asked for if the render was stopped.
+    pub least_spp: u32,
+}
+
+/// A scene made ready for rendering: built once, rendered often.
+pub struct Reference<'a> {
+    scene: &'a Scene,
+    view: View,
+    accelerator: Accelerator,
+    lights: Lights,
+    /// One an instance.
+    placements: Vec<Placement>,
+    /// One a material.
+    coats: Vec<CoatAlbedo>,
+}
+
+impl<'a> Reference<'a> {
+    /// Builds Embree's trees and the tables of lights and coats.
+    pub fn new(scene: &'a Scene) -> Result<Reference<'a>, Error> {
+        let placements: Vec<Placement> = scene.instances.iter().map(Placement::new).collect();
+        Ok(Reference {
+            scene,
+            view: View::new(&scene.camera, scene.film),
+            accelerator: Accelerator::new(scene)?,
+            lights: Lights::new(scene, &placements),
+            placements,
+            coats: scene.materials.iter().map(|material| CoatAlbedo::new(&material.surface)).collect(),
+        })
+    }
+
+    /// Renders on all threads of rayon's pool. `progress` is told the part done, from any thread; after `stop` is set the
+    /// samples taken so far are the picture, some pixels perhaps with fewer than others.
+    pub fn render(
+        &self,
+        options: &ReferenceOptions,
+        progress: impl Fn(f64) + Sync,
+        stop: &AtomicBool,
+    ) -> Result<(Picture, Statistics), Error> {
+        let film = self.scene.film;
+        let crop = options.crop.unwrap_or(Crop { x: 0, y: 0, width: film.width, height: film.height });
+        if !crop.fits(film.width, film.height) {
+            return Err(Error::Crop { crop, film: [film.width, film.height] });
+        }
+        let start = Instant::now();
+        let [closest_rays, shadow_rays, samples_done] = [const { AtomicU64::new(0) }; 3];
+        let samples_asked = u64::from(crop.width) * u64::from(crop.height) * u64::from(options.spp);
+        let mut sums = vec![PixelSums::default(); crop.width as usize * crop.height as usize];
+
+        // Passes grow, so that every pixel has a sample soon and stopping never waits long.
+        let mut pass_spp = 1;
+        let mut first = 0;
+        while first < options.spp && !stop.load(Ordering::Relaxed) {
+            let samples = first..(first + pass_spp).min(options.spp);
+            sums.par_chunks_mut(crop.width as usize).enumerate().for_each(|(row, pixels)| {
+                if stop.load(Ordering::Relaxed) {
+                    return;
+                }
+                let mut rays = path::RayCount::default();
+                for (column, pixel_sums) in pixels.iter_mut().enumerate() {
+                    let pixel = [crop.x + column as u32, crop.y + row as u32];
+                    for sample in samples.clone() {
+                        let index = u64::from(pixel[1]) * u64::from(film.width) + u64::from(pixel[0]);
+                        let mut random = Random::new(options.seed, index, u64::from(sample));
+                        pixel_sums.add(&self.sample(pixel, options.max_depth, &mut random, &mut rays));
+                    }
+                }
+                closest_rays.fetch_add(rays.closest, Ordering::Relaxed);
+                shadow_rays.fetch_add(rays.shadow, Ordering::Relaxed);
+                let row_samples = u64::from(crop.width) * samples.len() as u64;
+                let done = samples_done.fetch_add(row_samples, Ordering::Relaxed) + row_samples;
+                progress(done as f64 / samples_asked as f64);
+            });
+            first = samples.end;
+            pass_spp = (pass_spp * 2).min(32);
+        }
+
+        let mut picture = film::picture(crop.width, crop.height, &sums);
+        self.add_centre_planes(crop, &mut picture);
+        let statistics = Statistics {
+            seconds: start.elapsed().as_secs_f64(),
+            samples: samples_done.into_inner(),
+            closest_rays: closest_rays.into_inner(),
+            shadow_rays: shadow_rays.into_inner(),
+            least_spp: sums.iter().map(|pixel| pixel.count).min().unwrap_or(0),
+        };
+        Ok((picture, statistics))
+    }
+
+    /// What to write into the file of a picture; the scene's hash is the caller's to add.
+    pub fn metadata(&self, options: &ReferenceOptions, statistics: &Statistics) -> Metadata {
+        let (camera, film) = (&self.scene.camera, self.scene.film);
+        Metadata {
+            scene_hash: String::new(),
+            spp: statistics.least_spp.into(),
+            seed: options.seed,
+            max_depth: options.max_depth,
+            render_seconds: statistics.seconds,
+            device: format!("CPU, {} threads", rayon::current_num_threads()),
+            version: env!("CARGO_PKG_VERSION").to_owned(),
+            sampler: "xoshiro256++".to_owned(),
+            traversal: format!("Embree {}", self.accelerator.version()),
+            camera_eye: camera.eye.to_array(),
+            camera_target: camera.target.to_array(),
+            camera_up: camera.up.to_array(),
+            vertical_fov_degrees: camera.vertical_fov_degrees,
+            film_size: [film.width, film.height],
+            crop_origin: options.crop.map_or([0, 0], |crop| [crop.x, crop.y]),
+        }
+    }
+
+    /// The trees, for tracing rays alone.
+    pub fn accelerator(&self) -> &Accelerator {
+        &self.accelerator
+    }
+}
+
+/// Rec. 709 luminance.
+fn luminance(color: DVec3) -> f64 {
+    color.dot(DVec3::new(0.2126, 0.7152, 0.0722))
+}

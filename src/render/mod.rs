@@ -1,1 +1,31 @@
-//! render
+//! The wavefront path tracer on Vulkan.
+//!
+//! A [`Renderer`] holds a scene on a device and takes samples of all its pixels, pass by pass; [`run`] does so until a limit
+//! is reached. The kernels are in `glsl/kernels`; which of them a scene needs stands in [`Features::kernels`].
+
+pub mod bvh;
+
+mod checkpoint;
+mod device_scene;
+mod error;
+mod film;
+mod geometry;
+mod intersector;
+mod kernels;
+mod layout;
+mod material_record;
+mod pool;
+mod renderer;
+mod session;
+mod settings;
+
+pub use checkpoint::{Checkpoint, Identity};
+pub use error::Error;
+pub use geometry::{GEOMETRY_STRUCTS, Geometry, InstanceRecord, MeshRecord};
+pub use intersector::{Intersector, Query, RAY_STRUCTS, Ray, RayBatch, RayHit};
+pub use kernels::{Features, KernelPlan};
+pub use layout::{FeaturePixel, FilmPixel, SceneTable, WAVEFRONT_STRUCTS};
+pub use material_record::{Family, MATERIAL_STRUCTS, MaterialRecord, MaterialTable, family};
+pub use renderer::{Options, Renderer};
+pub use session::{Limits, Progress, Stopped, run};
+pub use settings::{Sampler, Settings, Traversal, UnknownChoice};

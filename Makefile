@@ -1,0 +1,35 @@
+# Everything a user types. Each target installs what it needs first; nothing is done twice.
+
+CARGO := cargo
+FEATURES := --features embree --locked
+OUT := target/demo
+
+.PHONY: demo test bench check install-test install-demo
+
+## Renders the preview scene to target/demo/preview.png (and .exr).
+demo: install-demo
+	$(CARGO) build --release $(FEATURES)
+	mkdir -p $(OUT)
+	target/release/neubrdf render scenes/preview/preview.toml --spp 128 -o $(OUT)/preview.exr --png $(OUT)/preview.png
+	@echo "Look at $(OUT)/preview.png"
+
+## Runs every test: two Vulkan drivers, the validation layers, and the Embree reference.
+test: install-test
+	$(CARGO) test $(FEATURES)
+
+## Formatting, lints, documentation and SPIR-V, as CI holds them.
+check: install-test
+	$(CARGO) fmt --check
+	$(CARGO) clippy --all-targets $(FEATURES) -- -D warnings
+	RUSTDOCFLAGS="-D warnings" $(CARGO) doc --no-deps $(FEATURES)
+	for module in spirv/*.spv; do spirv-val --target-env vulkan1.2 --scalar-block-layout $$module || exit 1; done
+
+## Measures rays/s, samples/s and time to an error; prints the tables of docs/performance.md.
+bench: install-test
+	$(CARGO) bench $(FEATURES)
+
+install-demo:
+	@scripts/setup.sh demo
+
+install-test:
+	@scripts/setup.sh test

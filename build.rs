@@ -1,0 +1,192 @@
+//! Keeps `spirv/` up to date with `glsl/kernels/*.comp` and generates the table of modules that `gpu::spirv` serves.
+//!
+//! `spirv/NAME.spv` is checked in, so that nobody needs a shader compiler. Beside it stands `spirv/NAME.hash`: a hash of
+//! the kernel's source, of everything that it includes, of the compiler flags and of the compiler's version. Where the
+//! sources no longer agree with it and glslangValidator is installed, the module is compiled anew. Another compiler
+//! version alone compiles nothing: the module still is what its record says. (To move to a new compiler, delete
+//! `spirv/*.hash` and build.)
+//!
+//! `tests/layout.rs` includes this file to check that no module is stale.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::{Path, PathBuf};
+use std::process::Command;
+use std::time::SystemTime;
+use std::{env, fs, io};
+
+const COMPILER: &str = "glslangValidator";
+// Names stay in the modules: tests/layout.rs compares them with the Rust structs.
+const FLAGS: [&str; 5] = ["-V", "--target-env", "vulkan1.2", "-Iglsl", "--quiet"];
+
+fn main() {
+    println!("cargo:rerun-if-changed=build.rs");
+    println!("cargo:rerun-if-changed=glsl");
+    println!("cargo:rerun-if-changed=spirv");
+    if let Err(message) = build() {
+        eprintln!("{message}");
+        std::process::exit(1);
+    }
+}
+
+fn build() -> Result<(), String> {
+    let root = PathBuf::from(env::var("CARGO_MANIFEST_DIR").map_err(|e| e.to_string())?);
+    let kernels = kernels(&root).map_err(|e| format!("glsl/kernels: {e}"))?;
+    remove_orphans(&root, &kernels).map_err(|e| format!("spirv: {e}"))?;
+    let version = compiler_version();
+    let mut errors = Vec::new();
+    for kernel in &kernels {
+        if is_fresh(&root, kernel)? {
+            continue;
+        }
+        match &version {
+            Some(version) => errors.extend(compile(&root, kernel, version).err()),
+            None => println!(
+                "cargo:warning=spirv/{kernel}.spv is older than glsl/kernels/{kernel}.comp: install {COMPILER} (Debian: glslang-tools)"
+            ),
+        }
+    }
+    if !errors.is_empty() {
+        return Err(errors.join("\n"));
+    }
+    let table = table(&root).map_err(|e| format!("spirv: {e}"))?;
+    let out = Path::new(&env::var("OUT_DIR").map_err(|e| e.to_string())?).join("spirv_table.rs");
+    fs::write(&out, table).map_err(|e| format!("{}: {e}", out.display()))
+}
+
+/// The names of all kernels, sorted.
+pub fn kernels(root: &Path) -> io::Result<Vec<String>> {
+    stems(&root.join("glsl/kernels"), "comp")
+}
+
+/// Whether `spirv/NAME.spv` was compiled from today's sources with today's flags.
+pub fn is_fresh(root: &Path, kernel: &str) -> Result<bool, String> {
+    let Ok(record) = fs::read_to_string(root.join(format!("spirv/{kernel}.hash"))) else { return Ok(false) };
+    let version = record.lines().find_map(|line| line.strip_prefix("compiler: ")).unwrap_or_default();
+    Ok(root.join(format!("spirv/{kernel}.spv")).is_file() && record == self::record(root, kernel, version)?)
+}
+
+/// What `spirv/NAME.hash` should hold for a module compiled from today's sources by the compiler of that version.
+fn record(root: &Path, kernel: &str, version: &str) -> Result<String, String> {
+    let flags = FLAGS.join(" ");
+    let mut hasher = blake3::Hasher::new();
+    for (path, text) in sources(root, kernel)? {
+        hasher.update(format!("{path}\0{}\0", text.len()).as_bytes()).update(text.as_bytes());
+    }
+    let hash = hasher.update(format!("{flags}\0{version}").as_bytes()).finalize();
+    Ok(format!(
+        "# What spirv/{kernel}.spv was compiled from: glsl/kernels/{kernel}.comp and all that it includes. Written by build.rs.\n\
+         compiler: {version}\nflags: {flags}\nblake3 of sources, flags and compiler: {hash}\n"
+    ))
+}
+
+/// The kernel's source and everything that it includes, by path below `glsl/`.
+fn sources(root: &Path, kernel: &str) -> Result<BTreeMap<String, String>, String> {
+    let glsl = root.join("glsl");
+    let mut found = BTreeMap::new();
+    let mut open = vec![format!("kernels/{kernel}.comp")];
+    while let Some(path) = open.pop() {
+        if found.contains_key(&path) {
+            continue;
+        }
+        let text = fs::read_to_string(glsl.join(&path)).map_err(|e| format!("glsl/{path}: {e}"))?;
+        for line in text.lines() {
+            let Some(rest) = line.trim_start().strip_prefix('#') else { continue };
+            let Some(rest) = rest.trim_start().strip_prefix("include") else { continue };
+            let Some(name) = rest.trim().strip_prefix('"').and_then(|r| r.split('"').next()) else { continue };
+            // A file that is missing is glslang's to report, with the line that asked for it.
+            if glsl.join(name).is_file() {
+                open.push(name.to_string());
+            }
+        }
+        found.insert(path, text);
+    }
+    Ok(found)
+}
+
+/// Compiles one kernel and writes its record. The files are written whole or not at all.
+fn compile(root: &Path, kernel: &str, version: &str) -> Result<(), String> {
+    let io_error = |e: io::Error| format!("spirv/{kernel}.spv: {e}");
+    fs::create_dir_all(root.join("spirv")).map_err(io_error)?;
+    let record = record(root, kernel, version)?;
+    let module = root.join(format!("spirv/{kernel}.spv"));
+    let unfinished = root.join(format!("spirv/.{kernel}.{}", std::process::id()));
+    let output = Command::new(COMPILER)
+        .current_dir(root)
+        .args(FLAGS)
+        .arg("-o")
+        .arg(&unfinished)
+        .arg(format!("glsl/kernels/{kernel}.comp"))
+        .output()
+        .map_err(|e| format!("{COMPILER}: {e}"))?;
+    if !output.status.success() {
+        let _ = fs::remove_file(&unfinished);
+        return Err(format!(
+            "glsl/kernels/{kernel}.comp does not compile:\n{}",
+            String::from_utf8_lossy(&output.stdout)
+        ));
+    }
+    fs::rename(&unfinished, &module).map_err(io_error)?;
+    fs::write(&unfinished, record).map_err(io_error)?;
+    let hash = root.join(format!("spirv/{kernel}.hash"));
+    fs::rename(&unfinished, &hash).map_err(io_error)?;
+    // As old as its source: otherwise Cargo would see a change in spirv/ and run this script again the next time.
+    let modified = newest(&root.join("glsl")).map_err(io_error)?;
+    for path in [module, hash] {
+        fs::File::options().write(true).open(path).and_then(|file| file.set_modified(modified)).map_err(io_error)?;
+    }
+    Ok(())
+}
+
+fn newest(directory: &Path) -> io::Result<SystemTime> {
+    let mut newest = SystemTime::UNIX_EPOCH;
+    for entry in fs::read_dir(directory)? {
+        let entry = entry?;
+        let time =
+            if entry.file_type()?.is_dir() { self::newest(&entry.path())? } else { entry.metadata()?.modified()? };
+        newest = newest.max(time);
+    }
+    Ok(newest)
+}
+
+/// A module whose kernel is gone goes too.
+fn remove_orphans(root: &Path, kernels: &[String]) -> io::Result<()> {
+    let directory = root.join("spirv");
+    let kernels: BTreeSet<&String> = kernels.iter().collect();
+    for extension in ["spv", "hash"] {
+        for stem in stems(&directory, extension)?.iter().filter(|stem| !kernels.contains(stem)) {
+            fs::remove_file(directory.join(format!("{stem}.{extension}")))?;
+        }
+    }
+    Ok(())
+}
+
+/// The table that `src/gpu/spirv.rs` includes: `(name, bytes)`, sorted by name.
+fn table(root: &Path) -> io::Result<String> {
+    let directory = root.join("spirv");
+    let rows: Vec<String> = stems(&directory, "spv")?
+        .iter()
+        .map(|name| format!("    ({name:?}, include_bytes!({:?})),\n", directory.join(format!("{name}.spv"))))
+        .collect();
+    Ok(format!("&[\n{}]\n", rows.concat()))
+}
+
+/// The names, without the extension, of a directory's visible files that have it; none where there is no directory.
+fn stems(directory: &Path, extension: &str) -> io::Result<Vec<String>> {
+    if !directory.is_dir() {
+        return Ok(Vec::new());
+    }
+    let mut stems = Vec::new();
+    for entry in fs::read_dir(directory)? {
+        let name = entry?.file_name().to_string_lossy().into_owned();
+        if let Some(stem) = name.strip_suffix(&format!(".{extension}")).filter(|stem| !stem.starts_with('.')) {
+            stems.push(stem.to_string());
+        }
+    }
+    stems.sort();
+    Ok(stems)
+}
+
+fn compiler_version() -> Option<String> {
+    let output = Command::new(COMPILER).arg("--version").output().ok()?;
+    String::from_utf8_lossy(&output.stdout).lines().next().map(str::to_string)
+}

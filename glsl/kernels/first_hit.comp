@@ -1,0 +1,38 @@
+// What the camera rays of a batch saw first, for the feature channels: albedo and normal of each sample, or the probe's depth and ids.
+#version 460
+#extension GL_GOOGLE_include_directive : require
+
+#include "layout/film.glsl"
+#include "lib/surface.glsl"
+#include "lib/texture.glsl"
+
+layout(local_size_x_id = 0) in;
+
+void main() {
+    uint slot = gl_GlobalInvocationID.x;
+    if (slot >= pixel_count * samples_per_pixel) {
+        return;
+    }
+    Hit hit = Hit(pool.hit.at[slot].x, pool.hit.at[slot].y);
+    vec3 albedo = vec3(0.0);
+    vec3 normal = vec3(0.0);
+    float depth = INFINITY;
+    uint material_index = NO_HIT;
+    if (hit.instance != NO_HIT) {
+        vec3 direction = pool.direction.at[slot].xyz;
+        Surface surface = surface_at(scene, hit, pool.origin.at[slot].xyz, direction, true);
+        albedo = material_color(scene, scene.materials.at[surface.material], surface.uv);
+        normal = surface.frame.normal;
+        depth = sqrt(surface.distance_squared) * dot(direction, film.camera.axis);
+        material_index = surface.material;
+    }
+    if (is_probe != 0u) {
+        film.features.at[first_pixel + slot].depth = depth;
+        film.features.at[first_pixel + slot].instance = hit.instance;
+        film.features.at[first_pixel + slot].triangle = hit.triangle;
+        film.features.at[first_pixel + slot].material = material_index;
+    } else {
+        pool.first_albedo.at[slot] = vec4(albedo, 0.0);
+        pool.first_normal.at[slot] = vec4(normal, 0.0);
+    }
+}

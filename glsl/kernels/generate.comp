@@ -1,0 +1,27 @@
+// Starts a batch of paths: one camera ray a slot.
+#version 460
+#extension GL_GOOGLE_include_directive : require
+
+#include "lib/camera.glsl"
+#include "lib/queue.glsl"
+#include "lib/sampler.glsl"
+
+void main() {
+    uint slot = gl_GlobalInvocationID.x;
+    if (slot >= pixel_count * samples_per_pixel) {
+        return;
+    }
+    uint place = slot / samples_per_pixel;
+    uint index = first_pixel + place;
+    uint row = index / film.crop_size.x;
+    uvec2 pixel = film.crop_origin + uvec2(index - row * film.crop_size.x, row);
+    SampleKey key = sample_key(pixel, first_sample + (slot - place * samples_per_pixel), seed);
+    vec2 u_pixel = is_probe != 0u ? vec2(0.5) : sample_2d(key, DIMENSION_PIXEL);
+    vec2 u_lens = is_probe != 0u ? vec2(0.5) : sample_2d(key, DIMENSION_LENS);
+    CameraRay ray = camera_ray(vec2(pixel) + u_pixel, u_lens);
+    pool.origin.at[slot] = vec4(ray.origin, 0.0);
+    pool.direction.at[slot] = vec4(ray.direction, 0.0);
+    pool.throughput.at[slot] = vec4(1.0);
+    pool.radiance.at[slot] = vec4(0.0);
+    pool.key.at[slot] = uvec2(key.pixel, key.index);
+}

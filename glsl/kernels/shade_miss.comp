@@ -1,0 +1,18 @@
+// Gathers the sky's radiance for the paths that left the scene.
+#version 460
+#extension GL_GOOGLE_include_directive : require
+
+#include "lib/light.glsl"
+#include "lib/queue.glsl"
+
+void main() {
+    uint place = gl_GlobalInvocationID.x;
+    if (place >= queue_length(bounce, QUEUE_MISS)) {
+        return;
+    }
+    uint slot = queue_slot(QUEUE_MISS, place);
+    vec3 radiance = environment_radiance(scene, pool.direction.at[slot].xyz);
+    float bsdf_pdf = pool.origin.at[slot].w;
+    float weight = bsdf_pdf == 0.0 ? 1.0 : mis_weight(bsdf_pdf, environment_pdf(scene, radiance));
+    pool.radiance.at[slot].rgb += weight * pool.throughput.at[slot].rgb * radiance;
+}

@@ -1,0 +1,61 @@
+// The camera, the film, and the push constants that every pass of the wavefront shares.
+#ifndef LAYOUT_FILM
+#define LAYOUT_FILM
+
+#extension GL_EXT_buffer_reference : require
+#extension GL_EXT_scalar_block_layout : require
+
+#include "layout/film_pixel.glsl"
+#include "layout/path.glsl"
+#include "layout/scene.glsl"
+
+// A direction through the film is corner + x·right + y·down, (x, y) in pixels; its part along the optical axis is 1.
+layout(buffer_reference, scalar, buffer_reference_align = 4) readonly buffer CameraRecord {
+    vec3 eye;
+    vec3 axis;               // unit, where the camera looks
+    vec3 corner;
+    vec3 right;
+    vec3 down;
+    vec3 lens_right;         // times the lens radius
+    vec3 lens_up;            // times the lens radius
+    float focus_distance;
+};
+
+// What a pixel sees first. Albedo and normal are means over its samples; depth (along the axis, infinite where nothing is) and ids
+// are those of one ray through its centre, since their means would mean nothing.
+struct FeaturePixel {
+    vec3 albedo;
+    vec3 normal;
+    float depth;
+    uint instance;
+    uint triangle;
+    uint material;
+};
+layout(buffer_reference, scalar, buffer_reference_align = 4) buffer FeaturePixelArray {
+    FeaturePixel at[];
+};
+
+layout(buffer_reference, scalar, buffer_reference_align = 8) readonly buffer FilmTable {
+    CameraRecord camera;
+    FilmPixelArray pixels;
+    FeaturePixelArray features;
+    UIntArray rejected;      // [0]: samples that were not finite and counted as black
+    uvec2 crop_origin;       // upper left pixel of what is rendered
+    uvec2 crop_size;
+};
+
+layout(push_constant, scalar) uniform Pass {
+    SceneTable scene;
+    PathPool pool;
+    FilmTable film;
+    uint bounce;             // 0 at the camera ray
+    uint max_depth;          // path segments
+    uint seed;
+    uint first_pixel;        // of this batch, in the crop's scan order
+    uint pixel_count;
+    uint first_sample;
+    uint samples_per_pixel;  // of this batch: slot = pixel · samples_per_pixel + sample
+    uint is_probe;           // 1: one ray through each pixel's centre, for depth and ids
+};
+
+#endif

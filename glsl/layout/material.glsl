@@ -1,0 +1,47 @@
+// What a kernel reads of a material. Mirrored by `render::MaterialRecord`.
+#ifndef LAYOUT_MATERIAL_GLSL
+#define LAYOUT_MATERIAL_GLSL
+
+#extension GL_EXT_buffer_reference : require
+#extension GL_EXT_scalar_block_layout : require
+
+// `texture_index` of a material without a texture.
+const uint NO_TEXTURE = 0xFFFFFFFFu;
+
+// The two lowest bits of `flags`.
+const uint MATERIAL_FAMILY_MASK = 3u;
+const uint FAMILY_DIFFUSE = 0u;
+const uint FAMILY_CONDUCTOR = 1u;
+const uint FAMILY_DIELECTRIC = 2u;
+const uint FAMILY_COATED = 3u;
+// The others.
+const uint MATERIAL_EMITS = 4u;             // `emission` is not black
+const uint MATERIAL_EMITS_BOTH_SIDES = 8u;  // from the back of its triangles too
+const uint MATERIAL_COMPLEX_FRESNEL = 16u;  // a conductor by `eta` and `kappa`, not Schlick's with `color`
+
+// How many entries a coat's table has.
+const uint COAT_TABLE_LENGTH = 256u;
+
+// The albedo of a rough coat at cos θ = (i / (COAT_TABLE_LENGTH - 1))^4.
+layout(buffer_reference, scalar, buffer_reference_align = 4) readonly buffer CoatTable {
+    float albedo[];
+};
+
+struct MaterialRecord {
+    vec3 color;          // albedo, of the base if coated, or a conductor's reflectance at normal incidence
+    uint texture_index;  // of the texture that multiplies `color`, or NO_TEXTURE
+    vec3 eta;            // complex conductor: real part of the index of refraction
+    uint flags;          // family and the bits above
+    vec3 kappa;          // complex conductor: imaginary part
+    float ior;           // dielectric: inside over outside; coat: its index; exactly 1 where there is no boundary
+    vec3 emission;       // radiance
+    float base_scale;    // coated: 1 / (1 - average albedo of the coat)
+    vec2 alpha;          // GGX roughness along tangent and bitangent, 0 or >= 1e-4; (0, 0) is perfectly smooth
+    CoatTable coat;      // coated with alpha > 0; else null
+};
+
+uint material_family(uint flags) {
+    return flags & MATERIAL_FAMILY_MASK;
+}
+
+#endif

@@ -1,0 +1,52 @@
+// The path pool: one slot a path, as structures of arrays, and the queues that hand slots from pass to pass.
+#ifndef LAYOUT_PATH
+#define LAYOUT_PATH
+
+#extension GL_EXT_buffer_reference : require
+#extension GL_EXT_scalar_block_layout : require
+
+layout(buffer_reference, scalar, buffer_reference_align = 16) buffer Vec4Array {
+    vec4 at[];
+};
+layout(buffer_reference, scalar, buffer_reference_align = 8) buffer UVec2Array {
+    uvec2 at[];
+};
+layout(buffer_reference, scalar, buffer_reference_align = 4) buffer UIntArray {
+    uint at[];
+};
+
+// An indirect dispatch and, behind it, how many slots are queued: groups.x = ceil(count / workgroup size).
+struct QueueCounter {
+    uvec3 groups;
+    uint count;
+};
+layout(buffer_reference, scalar, buffer_reference_align = 16) buffer QueueCounterArray {
+    QueueCounter at[];
+};
+
+// The queues, and the order of a bounce's counters. Each bounce has counters of its own.
+const uint QUEUE_TRACE = 0u;
+const uint QUEUE_SHADOW = 1u;
+const uint QUEUE_MISS = 2u;
+const uint QUEUE_SHADE = 3u; // + material family
+const uint QUEUE_COUNT = 7u;
+
+layout(buffer_reference, scalar, buffer_reference_align = 16) buffer PathPool {
+    Vec4Array origin;            // xyz: ray origin; w: pdf of the BSDF sample that made the ray, 0 where no light sample competes
+    Vec4Array direction;         // xyz: unit ray direction
+    Vec4Array throughput;        // rgb
+    Vec4Array radiance;          // rgb: what the path has gathered
+    UVec2Array hit;              // instance, triangle
+    UVec2Array key;              // SampleKey
+    Vec4Array shadow_origin;     // by place in the shadow queue. xyz: origin; w: contribution.r
+    Vec4Array shadow_direction;  // xyz: to the light, not normalised, the light being at t = 1 (or infinitely far); w: contribution.g
+    UVec2Array shadow_path;      // slot; bits of contribution.b
+    Vec4Array first_albedo;      // rgb: of what the camera ray hit
+    Vec4Array first_normal;      // xyz: of what the camera ray hit, world space, facing the camera
+    UIntArray queue;             // [queue][capacity]: path slots
+    QueueCounterArray counters;  // [bounce][QUEUE_COUNT]
+    uint capacity;               // slots
+    uint padding;
+};
+
+#endif

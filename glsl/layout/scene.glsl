@@ -1,0 +1,75 @@
+// What a scene is on the device: one table of pointers, null where the scene has no such thing.
+#ifndef LAYOUT_SCENE
+#define LAYOUT_SCENE
+
+#extension GL_EXT_buffer_reference : require
+#extension GL_EXT_scalar_block_layout : require
+
+#include "layout/geometry.glsl"
+#include "layout/material.glsl"
+
+// A triangle that emits, in world space: corner + u·edge_u + v·edge_v; its front is along edge_u × edge_v.
+struct EmitterRecord {
+    vec3 corner;
+    vec3 edge_u;
+    vec3 edge_v;
+    vec3 emission;
+    uint emits_both_sides;
+};
+layout(buffer_reference, scalar, buffer_reference_align = 4) readonly buffer EmitterArray {
+    EmitterRecord at[];
+};
+
+// Walker's alias method: an entry keeps with probability `keep`, otherwise gives way to entry `alias`.
+struct AliasRecord {
+    float keep;
+    uint alias;
+};
+layout(buffer_reference, scalar, buffer_reference_align = 4) readonly buffer AliasArray {
+    AliasRecord at[];
+};
+
+// Linear RGB texels; half precision, two a word, with a fourth number that is not used.
+layout(buffer_reference, scalar, buffer_reference_align = 8) readonly buffer TexelArray {
+    uvec2 at[];
+};
+struct TextureRecord {
+    TexelArray texels;
+    uint width;
+    uint height;
+};
+layout(buffer_reference, scalar, buffer_reference_align = 8) readonly buffer TextureArray {
+    TextureRecord at[];
+};
+
+// Radiances of a lat-long sky, row by row from the zenith.
+layout(buffer_reference, scalar, buffer_reference_align = 4) readonly buffer RadianceArray {
+    vec3 at[];
+};
+
+layout(buffer_reference, scalar, buffer_reference_align = 8) readonly buffer MaterialArray {
+    MaterialRecord at[];
+};
+
+layout(buffer_reference, scalar, buffer_reference_align = 8) readonly buffer SceneTable {
+    InstanceArray instances;
+    MeshArray meshes;
+    BvhNodeArray nodes;          // the tree over instances
+    MaterialArray materials;
+    TextureArray textures;
+    AliasArray light_alias;
+    EmitterArray emitters;
+    RadianceArray environment;
+    uint light_count;            // entries of the alias table: emitters, then sky texels, then the sun
+    uint emitter_count;
+    uvec2 environment_size;      // texels around, texels from zenith to nadir
+    vec2 environment_rotation;   // cos and sin of the sky's turn about +y
+    float light_density;         // π over the total power of all lights: times Y(emission) it is the density per area of a point on an emitter
+    float environment_density;   // the same times R²: times Y(radiance) it is the density per solid angle of a direction to the sky
+    float sun_probability;
+    vec3 sun_direction;
+    vec3 sun_irradiance;
+    float reach;                 // longer than any chord of the scene
+};
+
+#endif

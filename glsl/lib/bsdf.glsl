@@ -1,0 +1,39 @@
+// What the files bsdf_diffuse, bsdf_conductor, bsdf_dielectric and bsdf_coated have in common. A kernel includes
+// one of them; each defines
+//
+//     struct Bsdf;                                           the material at the hit
+//     Bsdf bsdf_make(MaterialRecord material, vec3 color);   color: the material's, times its texture
+//     bool bsdf_is_delta(Bsdf b);                            all lobes are Dirac deltas: light sampling is useless
+//     vec4 bsdf_eval_pdf(Bsdf b, vec3 wo, vec3 wi);          rgb: f without the cosine, a: pdf; Dirac lobes count as 0
+//     BsdfSample bsdf_sample(Bsdf b, vec3 wo, vec3 u);       u.xy: direction, u.z: lobe
+//
+// Directions are unit vectors in the local frame, both pointing away. The definitions are src/material's; here they
+// are rearranged so that nothing cancels in f32, whatever the roughness.
+#ifndef LIB_BSDF_GLSL
+#define LIB_BSDF_GLSL
+
+#include "layout/material.glsl"
+#include "lib/constants.glsl"
+
+// Directions with |cos θ| below this lie in the surface.
+const float MIN_COSINE = 1e-6;
+
+struct BsdfSample {
+    vec3 wi;
+    float pdf;      // per unit solid angle, or the probability of the lobe if is_delta; 0: no direction
+    vec3 weight;    // f |cos θi| / pdf
+    bool is_delta;
+};
+
+BsdfSample bsdf_no_sample() {
+    return BsdfSample(vec3(0.0, 0.0, 1.0), 0.0, vec3(0.0), false);
+}
+
+// Density cos θ / π: a point of the unit disk, lifted.
+vec3 sample_cosine_hemisphere(vec2 u) {
+    float radius = sqrt(u.x);
+    float phi = TWO_PI * u.y;
+    return vec3(radius * cos(phi), radius * sin(phi), sqrt(1.0 - u.x));
+}
+
+#endif

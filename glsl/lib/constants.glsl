@@ -1,0 +1,8 @@
+#ifndef LIB_CONSTANTS_GLSL
+#define LIB_CONSTANTS_GLSL
+
+const float PI = 3.14159265358979;
+const float TWO_PI = 6.28318530717959;
+const float INV_PI = 0.318309886183791;
+
+#endif

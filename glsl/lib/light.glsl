@@ -1,0 +1,98 @@
+// Lights: emissive triangles, sky texels and the sun, picked by power through one alias table. The densities have closed forms
+// (src/scene/light.rs), so that neither a light nor a hit looks anything up to know them.
+#ifndef LIB_LIGHT
+#define LIB_LIGHT
+
+#include "layout/scene.glsl"
+#include "lib/constants.glsl"
+
+layout(constant_id = 2) const bool HAS_EMITTERS = false;
+layout(constant_id = 3) const bool HAS_ENVIRONMENT = false;
+layout(constant_id = 4) const bool HAS_SUN = false;
+
+const bool HAS_LIGHTS = HAS_EMITTERS || HAS_ENVIRONMENT || HAS_SUN;
+
+struct LightSample {
+    vec3 to_light;   // from the shading point to the light, or just beyond the scene
+    vec3 radiance;   // for the sun: irradiance
+    float pdf;       // per unit solid angle; for the sun: the probability of having picked it. 0: no light here
+    bool is_delta;
+};
+
+float luminance(vec3 color) {
+    return dot(color, vec3(0.2126, 0.7152, 0.0722));
+}
+
+// Balance heuristic.
+float mis_weight(float pdf, float other_pdf) {
+    return pdf / (pdf + other_pdf);
+}
+
+// Density per unit solid angle of light-sampling a point on an emitter, `distance_squared` away at |cos| `cosine`.
+float emitter_pdf(SceneTable scene, vec3 emission, bool both_sides, float distance_squared, float cosine) {
+    return scene.light_density * luminance(emission) * (both_sides ? 2.0 : 1.0) * distance_squared / cosine;
+}
+
+float environment_pdf(SceneTable scene, vec3 radiance) {
+    return scene.environment_density * luminance(radiance);
+}
+
+vec3 environment_radiance(SceneTable scene, vec3 direction) {
+    vec2 turn = scene.environment_rotation;
+    vec3 d = vec3(turn.x * direction.x - turn.y * direction.z, direction.y, turn.y * direction.x + turn.x * direction.z);
+    vec2 size = vec2(scene.environment_size);
+    float u = atan(d.x, -d.z) / TWO_PI + 0.5;
+    float v = acos(clamp(d.y, -1.0, 1.0)) * (2.0 / TWO_PI);
+    uvec2 texel = min(uvec2(vec2(u, v) * size), scene.environment_size - 1u);
+    return scene.environment.at[texel.y * scene.environment_size.x + texel.x];
+}
+
+// A direction to a sky texel, uniform over its solid angle: in azimuth and in the cosine of the polar angle.
+LightSample sample_environment(SceneTable scene, uint texel, vec2 u) {
+    uint row = texel / scene.environment_size.x;
+    uint column = texel - row * scene.environment_size.x;
+    float step = 0.5 * TWO_PI / float(scene.environment_size.y);
+    float cos_theta = mix(cos(float(row) * step), cos(float(row + 1u) * step), u.y);
+    float sin_theta = sqrt(max(0.0, 1.0 - cos_theta * cos_theta));
+    float azimuth = TWO_PI * ((float(column) + u.x) / float(scene.environment_size.x) - 0.5);
+    vec3 d = vec3(sin_theta * sin(azimuth), cos_theta, -sin_theta * cos(azimuth));
+    vec2 turn = scene.environment_rotation;
+    vec3 direction = vec3(turn.x * d.x + turn.y * d.z, d.y, turn.x * d.z - turn.y * d.x);
+    vec3 radiance = scene.environment.at[texel];
+    return LightSample(direction * scene.reach, radiance, environment_pdf(scene, radiance), false);
+}
+
+LightSample sample_emitter(SceneTable scene, uint index, vec3 position, vec2 u) {
+    EmitterRecord emitter = scene.emitters.at[index];
+    float root = sqrt(u.x);
+    vec3 point = emitter.corner + (root * (1.0 - u.y)) * emitter.edge_u + (root * u.y) * emitter.edge_v;
+    vec3 to_light = point - position;
+    vec3 normal = cross(emitter.edge_u, emitter.edge_v);
+    float distance_squared = dot(to_light, to_light);
+    float facing = -dot(normal, to_light) * inversesqrt(dot(normal, normal) * distance_squared);
+    bool both_sides = emitter.emits_both_sides != 0u;
+    float cosine = both_sides ? abs(facing) : facing;
+    bool lit = cosine > 0.0 && distance_squared > 0.0;
+    float pdf = lit ? emitter_pdf(scene, emitter.emission, both_sides, distance_squared, cosine) : 0.0;
+    // End just short of the emitter, on the side it is seen from.
+    float gap = 4.0e-6 * (abs(point.x) + abs(point.y) + abs(point.z));
+    vec3 off = normal * (inversesqrt(dot(normal, normal)) * gap);
+    return LightSample(to_light + (facing > 0.0 ? off : -off), emitter.emission, pdf, false);
+}
+
+// `pick`: 32 random bits that choose the table's entry, and 32 that choose between it and its alias.
+LightSample sample_light(SceneTable scene, vec3 position, uvec2 pick, vec2 u) {
+    uint index, unused;
+    umulExtended(pick.x, scene.light_count, index, unused);
+    AliasRecord alias = scene.light_alias.at[index];
+    index = float(pick.y >> 8u) * (1.0 / 16777216.0) < alias.keep ? index : alias.alias;
+    if (HAS_EMITTERS && index < scene.emitter_count) {
+        return sample_emitter(scene, index, position, u);
+    }
+    if (HAS_ENVIRONMENT && !(HAS_SUN && index == scene.light_count - 1u)) {
+        return sample_environment(scene, index - scene.emitter_count, u);
+    }
+    return LightSample(scene.sun_direction * scene.reach, scene.sun_irradiance, scene.sun_probability, true);
+}
+
+#endif

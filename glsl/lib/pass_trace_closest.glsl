@@ -1,0 +1,41 @@
+// Finds the first hit of each queued path and hands it to the family of materials that it hit. Included behind a traversal,
+// which defines `Hit trace_closest(vec3 origin, vec3 direction, float t_max)`.
+#ifndef LIB_PASS_TRACE_CLOSEST
+#define LIB_PASS_TRACE_CLOSEST
+
+#include "lib/light.glsl"
+#include "lib/queue.glsl"
+
+// Bit f is set where the scene has a material of family f.
+layout(constant_id = 5) const uint FAMILY_MASK = 1u;
+
+const bool ONE_FAMILY = (FAMILY_MASK & (FAMILY_MASK - 1u)) == 0u;
+
+void pass_trace_closest() {
+    uint place = gl_GlobalInvocationID.x;
+    uint length = bounce == 0u ? pixel_count * samples_per_pixel : queue_length(bounce, QUEUE_TRACE);
+    bool has_path = place < length;
+    uint slot = has_path && bounce != 0u ? queue_slot(QUEUE_TRACE, place) : has_path ? place : 0u;
+    // All invocations trace: a traversal may need the whole subgroup. A ray that ends before it starts meets nothing.
+    Hit hit = trace_closest(pool.origin.at[slot].xyz, pool.direction.at[slot].xyz, has_path ? INFINITY : -1.0);
+    bool missed = has_path && hit.instance == NO_HIT;
+    uint family = 32u;
+    if (has_path) {
+        pool.hit.at[slot] = uvec2(hit.instance, hit.triangle);
+    }
+    if (hit.instance != NO_HIT) {
+        MeshRecord mesh = scene.meshes.at[scene.instances.at[hit.instance].mesh];
+        family = ONE_FAMILY ? uint(findLSB(FAMILY_MASK))
+                            : material_family(scene.materials.at[material_of(mesh, hit.triangle)].flags);
+    }
+    for (uint f = 0u; f < 4u; ++f) {
+        if ((FAMILY_MASK & (1u << f)) != 0u) {
+            queue_push(bounce, QUEUE_SHADE + f, family == f, slot);
+        }
+    }
+    if (HAS_ENVIRONMENT) {
+        queue_push(bounce, QUEUE_MISS, missed, slot);
+    }
+}
+
+#endif

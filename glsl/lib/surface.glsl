@@ -1,0 +1,93 @@
+// The point of a surface that a ray hit: position, frame, texture coordinates, material.
+//
+// t, u and v are computed here again from the triangle, so that every traversal that finds the same triangle gives the same bits.
+#ifndef LIB_SURFACE
+#define LIB_SURFACE
+
+#include "layout/scene.glsl"
+#include "lib/frame.glsl"
+#include "lib/offset.glsl"
+#include "lib/triangle.glsl"
+
+struct Surface {
+    vec3 position;            // world space
+    vec3 position_error;      // bounds of its rounding error
+    vec3 front;               // unit normal of the triangle's front
+    Frame frame;              // turned towards the ray where the surface is opaque
+    vec2 uv;
+    float distance_squared;   // from the ray's origin
+    uint material;
+};
+
+// The rows of an affine transform's linear part, transposed: what turns normals.
+vec3 transform_normal(mat4x3 world_to_object, vec3 normal) {
+    return vec3(dot(world_to_object[0], normal), dot(world_to_object[1], normal), dot(world_to_object[2], normal));
+}
+
+vec3 absolute_transform(mat4x3 m, vec3 p) {
+    return abs(m[0]) * p.x + abs(m[1]) * p.y + abs(m[2]) * p.z;
+}
+
+Surface surface_at(SceneTable scene, Hit hit, vec3 origin, vec3 direction, bool opaque) {
+    const float gamma_3 = 3.0 * 5.97e-8;
+    const float gamma_7 = 7.0 * 5.97e-8;
+    InstanceRecord instance = scene.instances.at[hit.instance];
+    MeshRecord mesh = scene.meshes.at[instance.mesh];
+    uvec3 corners = mesh.indices.at[hit.triangle];
+    vec3 v0 = mesh.positions.at[corners.x];
+    vec3 v1 = mesh.positions.at[corners.y];
+    vec3 v2 = mesh.positions.at[corners.z];
+
+    vec3 object_origin = origin;
+    vec3 object_direction = direction;
+    if (INSTANCED) {
+        object_origin = instance.world_to_object * vec4(origin, 1.0);
+        object_direction = mat3(instance.world_to_object) * direction;
+    }
+    float t, u, v;
+    intersect_triangle(object_origin, object_direction, 0.0, INFINITY, v0, v1, v2, t, u, v);
+    float w = 1.0 - u - v;
+
+    Surface surface;
+    surface.position = w * v0 + u * v1 + v * v2;
+    surface.position_error = gamma_7 * (abs(w * v0) + abs(u * v1) + abs(v * v2));
+    vec3 geometric = cross(v1 - v0, v2 - v0);
+    vec3 shading = vec3(0.0);
+    vec3 dpdu = vec3(0.0);
+    surface.uv = vec2(0.0);
+    if (has_normals(mesh)) {
+        shading = w * mesh.normals.at[corners.x] + u * mesh.normals.at[corners.y] + v * mesh.normals.at[corners.z];
+    }
+    if (has_uvs(mesh)) {
+        vec2 uv0 = mesh.uvs.at[corners.x];
+        vec2 edge_1 = mesh.uvs.at[corners.y] - uv0;
+        vec2 edge_2 = mesh.uvs.at[corners.z] - uv0;
+        surface.uv = uv0 + u * edge_1 + v * edge_2;
+        // dp/du times the determinant of the texture mapping, which counts for its sign alone.
+        float sign_of_map = edge_1.x * edge_2.y - edge_1.y * edge_2.x < 0.0 ? -1.0 : 1.0;
+        dpdu = sign_of_map * (edge_2.y * (v1 - v0) - edge_1.y * (v2 - v0));
+    }
+    if (INSTANCED) {
+        vec3 error = surface.position_error;
+        vec3 object_position = surface.position;
+        surface.position = instance.object_to_world * vec4(object_position, 1.0);
+        surface.position_error = absolute_transform(instance.object_to_world, error)
+            + gamma_3 * (absolute_transform(instance.object_to_world, abs(object_position)) + abs(instance.object_to_world[3]));
+        geometric = transform_normal(instance.world_to_object, geometric);
+        shading = transform_normal(instance.world_to_object, shading);
+        dpdu = mat3(instance.object_to_world) * dpdu;
+    }
+    surface.front = normalize_or(geometric, vec3(0.0, 1.0, 0.0));
+    surface.frame = frame_make(-direction, geometric, shading, dpdu, opaque);
+    vec3 travelled = surface.position - origin;
+    surface.distance_squared = dot(travelled, travelled);
+    surface.material = material_of(mesh, hit.triangle);
+    return surface;
+}
+
+// Where a ray that leaves the surface towards wi starts.
+vec3 leave(Surface surface, vec3 wi) {
+    return offset_origin(surface.position, surface.position_error, surface.front, wi);
+}
+
+#endif

@@ -1,0 +1,37 @@
+// Textures: bilinear, repeated in both directions (src/scene/texture.rs).
+#ifndef LIB_TEXTURE
+#define LIB_TEXTURE
+
+#include "layout/scene.glsl"
+
+layout(constant_id = 6) const bool HAS_TEXTURES = false;
+
+vec3 texel(TextureRecord image, ivec2 place) {
+    ivec2 size = ivec2(image.width, image.height);
+    // At most one step outside.
+    place += ivec2(lessThan(place, ivec2(0))) * size;
+    place -= ivec2(greaterThanEqual(place, size)) * size;
+    uvec2 packed = image.texels.at[uint(place.y) * image.width + uint(place.x)];
+    return vec3(unpackHalf2x16(packed.x), unpackHalf2x16(packed.y).x);
+}
+
+vec3 texture_color(TextureRecord image, vec2 uv) {
+    vec2 wrapped = uv - floor(uv);
+    vec2 position = vec2(wrapped.x, 1.0 - wrapped.y) * vec2(image.width, image.height) - 0.5;
+    vec2 corner = floor(position);
+    vec2 share = position - corner;
+    ivec2 place = ivec2(corner);
+    vec3 upper = mix(texel(image, place), texel(image, place + ivec2(1, 0)), share.x);
+    vec3 lower = mix(texel(image, place + ivec2(0, 1)), texel(image, place + ivec2(1, 1)), share.x);
+    return mix(upper, lower, share.y);
+}
+
+// A material's colour, times its texture if it has one.
+vec3 material_color(SceneTable scene, MaterialRecord material, vec2 uv) {
+    if (!HAS_TEXTURES || material.texture_index == NO_TEXTURE) {
+        return material.color;
+    }
+    return material.color * texture_color(scene.textures.at[material.texture_index], uv);
+}
+
+#endif

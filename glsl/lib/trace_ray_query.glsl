@@ -1,0 +1,41 @@
+// Finds triangles by VK_KHR_ray_query. The same interface as lib/trace_bvh.glsl.
+#ifndef LIB_TRACE_RAY_QUERY
+#define LIB_TRACE_RAY_QUERY
+
+#extension GL_EXT_ray_query : require
+
+#include "layout/geometry.glsl"
+
+layout(set = 0, binding = 0) uniform accelerationStructureEXT top_level;
+
+// The nearest triangle with 0 < t < t_max; a ray with t_max < 0 meets nothing.
+Hit trace_closest(vec3 origin, vec3 direction, float t_max) {
+    Hit hit = Hit(NO_HIT, 0u);
+    if (t_max >= 0.0) {
+        rayQueryEXT query;
+        rayQueryInitializeEXT(query, top_level, gl_RayFlagsOpaqueEXT, 0xffu, origin, 0.0, direction, t_max);
+        while (rayQueryProceedEXT(query)) {
+        }
+        if (rayQueryGetIntersectionTypeEXT(query, true) == gl_RayQueryCommittedIntersectionTriangleEXT) {
+            hit.instance = rayQueryGetIntersectionInstanceCustomIndexEXT(query, true);
+            hit.triangle = rayQueryGetIntersectionPrimitiveIndexEXT(query, true);
+        }
+    }
+    return hit;
+}
+
+// Whether any triangle has 0 < t < t_max.
+bool trace_any(vec3 origin, vec3 direction, float t_max) {
+    bool found = false;
+    if (t_max >= 0.0) {
+        rayQueryEXT query;
+        uint flags = gl_RayFlagsOpaqueEXT | gl_RayFlagsTerminateOnFirstHitEXT;
+        rayQueryInitializeEXT(query, top_level, flags, 0xffu, origin, 0.0, direction, t_max);
+        while (rayQueryProceedEXT(query)) {
+        }
+        found = rayQueryGetIntersectionTypeEXT(query, true) == gl_RayQueryCommittedIntersectionTriangleEXT;
+    }
+    return found;
+}
+
+#endif

@@ -1,0 +1,83 @@
+//! `neubrdf compare`.
+
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+use anyhow::{Result, bail};
+use neubrdf::converge::{Comparison, ZTestOptions, difference, write_difference_png};
+use neubrdf::image::{Metadata, read_exr, write_exr};
+
+/// Say how two pictures differ. Exit status 3 if a threshold is exceeded.
+#[derive(clap::Args)]
+pub struct Arguments {
+    /// The picture
+    picture: PathBuf,
+    /// What it should look like
+    reference: PathBuf,
+    /// Write the difference: signed in an .exr, relative in false colour in a .png (full colour at ±10 %)
+    #[arg(short, long, value_name = "EXR|PNG")]
+    output: Option<PathBuf>,
+    /// Exposure of the FLIP comparison, in stops
+    #[arg(long, default_value_t = 0.0, allow_negative_numbers = true)]
+    exposure: f32,
+    /// Fail if the MSE is above
+    #[arg(long)]
+    max_mse: Option<f64>,
+    /// Fail if the relMSE, mean((x−r)²/(r²+0.01)), is above
+    #[arg(long)]
+    max_rel_mse: Option<f64>,
+    /// Fail if the mean FLIP error is above
+    #[arg(long)]
+    max_flip: Option<f64>,
+    /// Fail if the z-test's p-value is below: the difference is not noise
+    #[arg(long)]
+    min_p: Option<f64>,
+    /// Print JSON
+    #[arg(long)]
+    json: bool,
+}
+
+/// A threshold was exceeded.
+const EXCEEDED: u8 = 3;
+
+/// Reads both, compares, prints.
+pub fn run(arguments: Arguments) -> Result<ExitCode> {
+    let (picture, _) = read_exr(&arguments.picture)?;
+    let (reference, _) = read_exr(&arguments.reference)?;
+    let comparison = Comparison::of(&picture, &reference, arguments.exposure, ZTestOptions::default())?;
+    if arguments.json {
+        println!("{:#}", comparison.to_json());
+    } else {
+        println!("{comparison}");
+    }
+    if let Some(path) = &arguments.output {
+        match path.extension().and_then(|ending| ending.to_str()) {
+            Some("exr") => write_exr(path, &difference(&picture, &reference)?, &Metadata::default())?,
+            Some("png") => write_difference_png(path, &picture, &reference, 0.1)?,
+            _ => bail!("{}: a difference image is an .exr or a .png", path.display()),
+        }
+    }
+    let metrics = &comparison.metrics;
+    let mut exceeded = false;
+    for (name, found, most) in [
+        ("MSE", metrics.mse, arguments.max_mse),
+        ("relMSE", metrics.rel_mse, arguments.max_rel_mse),
+        ("FLIP", metrics.flip, arguments.max_flip),
+    ] {
+        // A NaN is above every threshold.
+        if let Some(most) = most.filter(|most| !(found <= *most)) {
+            eprintln!("{name} is {found:.6e}, above {most:e}");
+            exceeded = true;
+        }
+    }
+    if let Some(least) = arguments.min_p {
+        let Some(test) = &comparison.z_test else {
+            bail!("--min-p needs the variance and sample counts of both pictures");
+        };
+        if !(test.p >= least) {
+            eprintln!("the z-test's p is {:.3e}, below {least:e}", test.p);
+            exceeded = true;
+        }
+    }
+    Ok(if exceeded { ExitCode::from(EXCEEDED) } else { ExitCode::SUCCESS })
+}

@@ -1,0 +1,86 @@
+//! The command line: one file a subcommand. Each parses, calls the library and prints.
+
+mod compare;
+mod info;
+mod progress;
+#[cfg(feature = "embree")]
+mod reference;
+mod render;
+
+use std::path::Path;
+use std::process::ExitCode;
+
+use anyhow::{Result, bail};
+use neubrdf::scene::{Film, Scene};
+
+use clap::{Parser, Subcommand};
+
+/// A Vulkan path tracer for OBJ scenes whose radiance is proved against an Embree CPU reference.
+#[derive(Parser)]
+#[command(version, max_term_width = 110)]
+struct Arguments {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Subcommand)]
+enum Command {
+    /// Path trace a scene on a Vulkan device.
+    Render(Box<render::Arguments>),
+    /// Path trace a scene on the CPU with Embree: slow, independent, the picture to compare with.
+    #[cfg(feature = "embree")]
+    Reference(Box<reference::Arguments>),
+    /// Say how two pictures differ: MSE, relMSE, FLIP, bias, and a z-test where they carry variances.
+    Compare(compare::Arguments),
+    /// List the Vulkan devices, what each would be used for, and what an unfit one lacks.
+    Info(info::Arguments),
+}
+
+/// Parses, runs, and turns an error into a message on standard error and exit status 1 (2 for wrong usage).
+pub fn main() -> ExitCode {
+    let result = match Arguments::parse().command {
+        Command::Render(arguments) => render::run(*arguments),
+        #[cfg(feature = "embree")]
+        Command::Reference(arguments) => reference::run(*arguments),
+        Command::Compare(arguments) => compare::run(arguments),
+        Command::Info(arguments) => info::run(arguments),
+    };
+    match result {
+        Ok(status) => status,
+        Err(error) => {
+            eprintln!("error: {error:#}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+/// Loads a scene, with another film size if `size` says so, and prints its warnings unless `quiet`.
+fn load(path: &Path, size: Option<Film>, quiet: bool) -> Result<Scene> {
+    let (mut scene, warnings) = Scene::load(path)?;
+    if !quiet {
+        for warning in &warnings {
+            eprintln!("warning: {warning}");
+        }
+    }
+    scene.film = size.unwrap_or(scene.film);
+    Ok(scene)
+}
+
+fn film_size(word: &str) -> Result<Film, String> {
+    word.split_once('x')
+        .and_then(|(width, height)| Some(Film { width: width.parse().ok()?, height: height.parse().ok()? }))
+        .filter(|film| film.width > 0 && film.height > 0)
+        .ok_or_else(|| format!("'{word}' is no size: expected WIDTHxHEIGHT in pixels, both at least 1"))
+}
+
+/// Errors where a file could not be written after hours of work, before them.
+fn check_writable(path: &Path) -> Result<()> {
+    let directory = path.parent().filter(|directory| !directory.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    if !directory.is_dir() {
+        bail!("{}: cannot be written: there is no directory {}", path.display(), directory.display());
+    }
+    if path.is_dir() {
+        bail!("{}: cannot be written: it is a directory", path.display());
+    }
+    Ok(())
+}

@@ -1,0 +1,37 @@
+//! What a long command shows while it runs: a bar with ETA on a terminal, nothing when it is quiet or piped.
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Duration;
+
+use indicatif::{ProgressBar, ProgressStyle};
+
+/// Steps of a bar over something that is not counted.
+pub const STEPS: u64 = 1000;
+
+/// A bar over `length` steps; `quiet` gives one that shows nothing.
+pub fn bar(length: u64, quiet: bool) -> ProgressBar {
+    if quiet {
+        return ProgressBar::hidden();
+    }
+    let bar = ProgressBar::new(length);
+    // The template is a constant: were it wrong, the plain bar is still a bar.
+    if let Ok(style) = ProgressStyle::with_template("{bar:30} {percent:>3} %  {elapsed} + {eta}  {msg}") {
+        bar.set_style(style);
+    }
+    bar.enable_steady_tick(Duration::from_millis(250));
+    bar
+}
+
+/// A flag that the first Ctrl-C raises; a second one ends the process at once.
+pub fn interrupt_flag() -> anyhow::Result<Arc<AtomicBool>> {
+    let flag = Arc::new(AtomicBool::new(false));
+    let raised = flag.clone();
+    ctrlc::set_handler(move || {
+        if raised.swap(true, Ordering::SeqCst) {
+            std::process::exit(130);
+        }
+        eprintln!("\nfinishing this pass; press Ctrl-C again to stop at once");
+    })?;
+    Ok(flag)
+}

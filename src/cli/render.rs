@@ -1,0 +1,245 @@
+//! `neubrdf render`.
+
+use std::cell::Cell;
+use std::ops::ControlFlow;
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+use std::sync::atomic::Ordering;
+use std::time::Instant;
+
+use anyhow::{Context, Result, bail};
+use neubrdf::gpu::{DeviceChoice, Instance, Validation};
+use neubrdf::image::{self, Crop};
+use neubrdf::render::{
+    Checkpoint, Limits, Options, Renderer, Sampler, Settings, Stopped, Traversal, run as run_passes,
+};
+use neubrdf::scene::Film;
+use serde_json::json;
+
+use super::progress;
+
+/// Path trace a scene on a Vulkan device.
+#[derive(clap::Args)]
+pub struct Arguments {
+    /// A scene file (.toml) or a bare .obj
+    scene: PathBuf,
+    /// The EXR to write: beauty, variance, sample count and the channels of --aov
+    #[arg(short, long, value_name = "EXR")]
+    output: Option<PathBuf>,
+    /// A tone-mapped PNG to write
+    #[arg(long, value_name = "PNG")]
+    png: Option<PathBuf>,
+    /// Exposure of the PNG, in stops
+    #[arg(long, default_value_t = 0.0, allow_negative_numbers = true)]
+    exposure: f32,
+    /// Samples a pixel; 64 unless --time or --error says when to stop
+    #[arg(long)]
+    spp: Option<u32>,
+    /// Stop after so many seconds of rendering
+    #[arg(long, value_name = "SECONDS")]
+    time: Option<f64>,
+    /// Stop when the estimated mean relative error of the picture is below
+    #[arg(long)]
+    error: Option<f64>,
+    /// Size of the film instead of the scene's, as WIDTHxHEIGHT
+    #[arg(long, value_name = "WxH", value_parser = super::film_size)]
+    size: Option<Film>,
+    /// Render a part of the film: x,y,width,height
+    #[arg(long)]
+    crop: Option<Crop>,
+    /// Picks the random numbers; the same seed gives the same bits
+    #[arg(long, default_value_t = 0)]
+    seed: u32,
+    /// Path segments: 1 sees emission, 2 adds direct light
+    #[arg(long, default_value_t = 16, value_parser = clap::value_parser!(u32).range(1..=65_535))]
+    max_depth: u32,
+    /// ray-query or bvh; by default what suits the device
+    #[arg(long)]
+    traversal: Option<Traversal>,
+    /// sobol or pcg
+    #[arg(long, default_value_t = Sampler::Sobol)]
+    sampler: Sampler,
+    /// A part of a device's or driver's name, or its number in `neubrdf info`
+    #[arg(long)]
+    device: Option<String>,
+    /// Feature channels: all, none, or some of albedo,normal,depth,id
+    #[arg(long, default_value = "all")]
+    aov: Aovs,
+    /// Paths in flight; by default what suits the device
+    #[arg(long, value_name = "PATHS")]
+    pool: Option<u32>,
+    /// Save resumable state to this file about once a minute and at the end
+    #[arg(long, value_name = "FILE")]
+    checkpoint: Option<PathBuf>,
+    /// Seconds between two checkpoints
+    #[arg(long, value_name = "SECONDS", default_value_t = 60.0)]
+    checkpoint_interval: f64,
+    /// Go on from the --checkpoint file
+    #[arg(long, requires = "checkpoint")]
+    resume: bool,
+    /// No bar and no warnings
+    #[arg(long)]
+    quiet: bool,
+    /// Print statistics to standard output
+    #[arg(long, value_name = "FORMAT")]
+    stats: Option<StatsFormat>,
+}
+
+/// How `--stats` prints.
+#[derive(Clone, Copy, clap::ValueEnum)]
+enum StatsFormat {
+    Json,
+}
+
+/// The feature channels that the user wants.
+#[derive(Clone, Debug)]
+struct Aovs(Vec<String>);
+
+const AOVS: [&str; 4] = ["albedo", "normal", "depth", "id"];
+
+impl std::str::FromStr for Aovs {
+    type Err = String;
+
+    fn from_str(words: &str) -> Result<Self, String> {
+        match words {
+            "all" => Ok(Aovs(AOVS.map(String::from).to_vec())),
+            "none" => Ok(Aovs(Vec::new())),
+            _ => words
+                .split(',')
+                .map(|word| match AOVS.contains(&word) {
+                    true => Ok(word.to_owned()),
+                    false => Err(format!(
+                        "'{word}' is no feature channel: expected all, none, or some of {}",
+                        AOVS.join(",")
+                    )),
+                })
+                .collect::<Result<_, _>>()
+                .map(Aovs),
+        }
+    }
+}
+
+/// Loads, renders, writes.
+pub fn run(arguments: Arguments) -> Result<ExitCode> {
+    if arguments.output.is_none() && arguments.png.is_none() {
+        bail!("nothing to write: say -o PICTURE.exr, --png PICTURE.png, or both");
+    }
+    for limit in [arguments.time, arguments.error].into_iter().flatten() {
+        if limit.is_nan() || limit <= 0.0 {
+            bail!("--time and --error take numbers above 0, not {limit}");
+        }
+    }
+    for path in [&arguments.output, &arguments.png, &arguments.checkpoint].into_iter().flatten() {
+        super::check_writable(path)?;
+    }
+    let loading = Instant::now();
+    let scene = super::load(&arguments.scene, arguments.size, arguments.quiet)?;
+    let load_seconds = loading.elapsed().as_secs_f64();
+
+    let preparing = Instant::now();
+    let instance = Instance::new(Validation::Off)?;
+    let choice = arguments.device.clone().map_or(DeviceChoice::Auto, DeviceChoice::Named);
+    let device = instance.open(&choice)?;
+    let settings = Settings {
+        max_depth: arguments.max_depth,
+        seed: arguments.seed,
+        sampler: arguments.sampler,
+        crop: arguments.crop,
+        features: !arguments.aov.0.is_empty(),
+    };
+    let options = Options { traversal: arguments.traversal, pool_paths: arguments.pool };
+    let mut renderer = Renderer::new(&device, &scene, &settings, &options)?;
+    if let Some(path) = arguments.checkpoint.as_deref().filter(|_| arguments.resume) {
+        renderer.restore(&Checkpoint::read(path)?).with_context(|| format!("cannot resume from {}", path.display()))?;
+    }
+    let prepare_seconds = preparing.elapsed().as_secs_f64();
+
+    let stopped = render(&arguments, &mut renderer)?;
+    if let Some(path) = &arguments.checkpoint {
+        renderer.checkpoint()?.write(path)?;
+    }
+    let (mut picture, metadata) = renderer.picture()?;
+    drop_unwanted(&mut picture, &arguments.aov);
+    if let Some(path) = &arguments.output {
+        image::write_exr(path, &picture, &metadata)?;
+    }
+    if let Some(path) = &arguments.png {
+        image::write_png(path, &picture, arguments.exposure)?;
+    }
+    let rejected = renderer.rejected_samples()?;
+    if rejected > 0 && !arguments.quiet {
+        eprintln!("warning: {rejected} samples were not finite and count as black; please report the scene");
+    }
+    if arguments.stats.is_some() {
+        let statistics = json!({
+            "scene": arguments.scene, "scene_hash": metadata.scene_hash, "device": metadata.device,
+            "traversal": metadata.traversal, "width": picture.width, "height": picture.height,
+            "spp": renderer.samples(), "max_depth": settings.max_depth, "seed": settings.seed,
+            "load_seconds": load_seconds, "prepare_seconds": prepare_seconds, "render_seconds": renderer.seconds(),
+            "samples_per_second": renderer.samples() as f64 * renderer.pixel_count() as f64 / renderer.seconds().max(1e-9),
+            "estimated_error": if renderer.samples() > 1 { Some(renderer.estimate_error()?) } else { None },
+            "rejected_samples": rejected, "stopped": format!("{stopped:?}").to_lowercase(),
+        });
+        println!("{statistics:#}");
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+/// Takes away the feature channels that the user does not want.
+fn drop_unwanted(picture: &mut image::Picture, wanted: &Aovs) {
+    let unwanted = |name: &str| {
+        AOVS.iter().any(|feature| {
+            name.strip_prefix(feature).is_some_and(|rest| rest.starts_with('.'))
+                && !wanted.0.iter().any(|w| w == feature)
+        })
+    };
+    let names: Vec<String> = picture.names().filter(|name| unwanted(name)).map(String::from).collect();
+    for name in names {
+        picture.remove(&name);
+    }
+}
+
+/// Renders under a bar, with checkpoints, until a limit or Ctrl-C.
+fn render(arguments: &Arguments, renderer: &mut Renderer) -> Result<Stopped> {
+    let open_end = arguments.time.is_some() || arguments.error.is_some();
+    let samples = arguments.spp.unwrap_or(if open_end { u32::MAX } else { 64 });
+    let limits = Limits { samples, seconds: arguments.time, error: arguments.error };
+    let interrupted = progress::interrupt_flag()?;
+    let bar = progress::bar(progress::STEPS, arguments.quiet);
+    let last_checkpoint = Cell::new(Instant::now());
+    let mut failure = None;
+    let stopped = run_passes(renderer, &limits, |renderer, progress| {
+        bar.set_position(progress_position(&limits, progress));
+        bar.set_message(format!(
+            "{} spp  {:.2} Msamples/s  error {}",
+            progress.samples,
+            progress.samples_per_second * 1e-6,
+            progress.error.map_or("–".into(), |error| format!("{:.2} %", error * 100.0)),
+        ));
+        if let Some(path) = &arguments.checkpoint
+            && last_checkpoint.get().elapsed().as_secs_f64() >= arguments.checkpoint_interval
+        {
+            if let Err(error) = save(renderer, path) {
+                failure = Some(error);
+                return ControlFlow::Break(());
+            }
+            last_checkpoint.set(Instant::now());
+        }
+        if interrupted.load(Ordering::SeqCst) { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+    })?;
+    bar.finish();
+    failure.map_or(Ok(stopped), Err)
+}
+
+fn save(renderer: &Renderer, path: &Path) -> Result<()> {
+    Ok(renderer.checkpoint()?.write(path)?)
+}
+
+/// How far along the nearest limit is.
+fn progress_position(limits: &Limits, so_far: &neubrdf::render::Progress) -> u64 {
+    let samples = f64::from(so_far.samples) / f64::from(limits.samples);
+    let seconds = limits.seconds.map_or(0.0, |limit| so_far.seconds / limit);
+    // The error falls about as 1/√samples, so that its square says how much of the work is done.
+    let error = limits.error.zip(so_far.error).map_or(0.0, |(limit, error)| (limit / error).powi(2));
+    (samples.max(seconds).max(error).min(1.0) * progress::STEPS as f64) as u64
+}

@@ -1,0 +1,288 @@
+//! Acceleration structures of `VK_KHR_acceleration_structure`, for kernels with ray query.
+
+use std::sync::Arc;
+
+use ash::{khr, vk};
+
+use super::buffer::{Buffer, Memory};
+use super::commands::Commands;
+use super::device::{Device, Retired};
+use super::error::{Error, Result};
+
+/// Indexed triangles of a bottom-level structure, all opaque. The buffers may go once it is built.
+#[derive(Clone, Copy, Debug)]
+pub struct BlasGeometry {
+    /// Address of the vertex positions, three `f32` each, tightly packed.
+    pub positions: u64,
+    /// How many there are.
+    pub vertex_count: u32,
+    /// Address of the vertex indices, three `u32` a triangle.
+    pub indices: u64,
+    /// How many triangles there are.
+    pub triangle_count: u32,
+}
+
+/// A bottom-level structure: a mesh.
+pub struct Blas {
+    structure: Structure,
+}
+
+/// A mesh placed in the world.
+#[derive(Clone)]
+pub struct TlasInstance {
+    /// The mesh.
+    pub blas: Arc<Blas>,
+    /// Object to world, the upper three rows of the matrix, row by row.
+    pub transform: [f32; 12],
+    /// What `rayQueryGetIntersectionInstanceCustomIndexEXT` says, below 2^24.
+    pub custom_index: u32,
+    /// Rays see the instance if they share a bit with it.
+    pub mask: u8,
+}
+
+/// A top-level structure: a scene. Keeps its meshes.
+pub struct Tlas {
+    pub(super) set: vk::DescriptorSet,
+    pool: vk::DescriptorPool,
+    structure: Structure,
+    _meshes: Vec<Arc<Blas>>,
+}
+
+impl Blas {
+    /// Builds and compacts a structure over the geometries; waits until it is done.
+    ///
+    /// # Errors
+    /// A device without ray query, out of memory, or a lost device.
+    pub fn build(device: &Arc<Device>, geometries: &[BlasGeometry]) -> Result<Arc<Blas>> {
+        let described: Vec<_> = geometries
+            .iter()
+            .map(|geometry| {
+                let triangles = vk::AccelerationStructureGeometryTrianglesDataKHR::default()
+                    .vertex_format(vk::Format::R32G32B32_SFLOAT)
+                    .vertex_data(vk::DeviceOrHostAddressConstKHR { device_address: geometry.positions })
+                    .vertex_stride(12)
+                    .max_vertex(geometry.vertex_count.saturating_sub(1))
+                    .index_type(vk::IndexType::UINT32)
+                    .index_data(vk::DeviceOrHostAddressConstKHR { device_address: geometry.indices });
+                vk::AccelerationStructureGeometryKHR::default()
+                    .geometry_type(vk::GeometryTypeKHR::TRIANGLES)
+                    .geometry(vk::AccelerationStructureGeometryDataKHR { triangles })
+                    .flags(vk::GeometryFlagsKHR::OPAQUE)
+            })
+            .collect();
+        let counts: Vec<u32> = geometries.iter().map(|geometry| geometry.triangle_count).collect();
+        let kind = vk::AccelerationStructureTypeKHR::BOTTOM_LEVEL;
+        let structure = Structure::build(device, "mesh structure", kind, &described, &counts)?.compact()?;
+        Ok(Arc::new(Blas { structure }))
+    }
+
+    /// Bytes of device memory that it takes.
+    pub fn size(&self) -> u64 {
+        self.structure.buffer.size()
+    }
+}
+
+impl Tlas {
+    /// Builds a structure over the instances; waits until it is done.
+    ///
+    /// # Errors
+    /// A device without ray query, a custom index of more than 24 bits, out of memory, or a lost device.
+    pub fn build(device: &Arc<Device>, instances: &[TlasInstance]) -> Result<Tlas> {
+        let most = (1 << 24) - 1;
+        if let Some(instance) = instances.iter().find(|instance| instance.custom_index > most) {
+            return Err(Error::AccelerationStructure(format!(
+                "custom index {} is above {most}",
+                instance.custom_index
+            )));
+        }
+        if instances.len() > most as usize {
+            return Err(Error::AccelerationStructure(format!("{} instances, {most} at most", instances.len())));
+        }
+        // VkAccelerationStructureInstanceKHR, word by word.
+        let words: Vec<[u32; 16]> = instances
+            .iter()
+            .map(|instance| {
+                let mut words = [0; 16];
+                words[..12].copy_from_slice(&instance.transform.map(f32::to_bits));
+                words[12] = instance.custom_index | u32::from(instance.mask) << 24;
+                words[13] = vk::GeometryInstanceFlagsKHR::TRIANGLE_FACING_CULL_DISABLE.as_raw() << 24;
+                let address = instance.blas.structure.address;
+                (words[14], words[15]) = (address as u32, (address >> 32) as u32);
+                words
+            })
+            .collect();
+        let buffer = Buffer::with_data(device, "instances", &words)?;
+        let data = vk::AccelerationStructureGeometryInstancesDataKHR::default()
+            .data(vk::DeviceOrHostAddressConstKHR { device_address: buffer.address() });
+        let geometry = vk::AccelerationStructureGeometryKHR::default()
+            .geometry_type(vk::GeometryTypeKHR::INSTANCES)
+            .geometry(vk::AccelerationStructureGeometryDataKHR { instances: data });
+        let kind = vk::AccelerationStructureTypeKHR::TOP_LEVEL;
+        let structure = Structure::build(device, "scene structure", kind, &[geometry], &[instances.len() as u32])?;
+
+        let sizes =
+            [vk::DescriptorPoolSize::default().ty(vk::DescriptorType::ACCELERATION_STRUCTURE_KHR).descriptor_count(1)];
+        let info = vk::DescriptorPoolCreateInfo::default().max_sets(1).pool_sizes(&sizes);
+        // SAFETY: acceleration structures are enabled, or `structure` would not be there.
+        let pool = unsafe { device.raw.create_descriptor_pool(&info, None) }
+            .map_err(device.error("vkCreateDescriptorPool"))?;
+        // From here on Drop gives the pool back.
+        let meshes = instances.iter().map(|instance| instance.blas.clone()).collect();
+        let mut tlas = Tlas { set: vk::DescriptorSet::null(), pool, structure, _meshes: meshes };
+        let layouts = [device.set_layout];
+        let info = vk::DescriptorSetAllocateInfo::default().descriptor_pool(pool).set_layouts(&layouts);
+        // SAFETY: the pool is new and has room for the set.
+        let sets = unsafe { device.raw.allocate_descriptor_sets(&info) };
+        let sets = sets.map_err(device.error("vkAllocateDescriptorSets"))?;
+        tlas.set = sets.first().copied().unwrap_or_default();
+        let structures = [tlas.structure.raw];
+        let mut structures =
+            vk::WriteDescriptorSetAccelerationStructureKHR::default().acceleration_structures(&structures);
+        let write = vk::WriteDescriptorSet::default()
+            .dst_set(tlas.set)
+            .descriptor_type(vk::DescriptorType::ACCELERATION_STRUCTURE_KHR)
+            .descriptor_count(1)
+            .push_next(&mut structures);
+        // SAFETY: the set is new; the structure lives as long as it.
+        unsafe { device.raw.update_descriptor_sets(&[write], &[]) };
+        Ok(tlas)
+    }
+
+    /// Bytes of device memory that it takes, without its meshes.
+    pub fn size(&self) -> u64 {
+        self.structure.buffer.size()
+    }
+
+    pub(super) fn device(&self) -> &Arc<Device> {
+        &self.structure.buffer.device
+    }
+}
+
+impl Drop for Tlas {
+    fn drop(&mut self) {
+        self.device().retire(Retired::DescriptorPool(self.pool));
+    }
+}
+
+/// A structure of either level with the buffer that it lies in.
+struct Structure {
+    raw: vk::AccelerationStructureKHR,
+    kind: vk::AccelerationStructureTypeKHR,
+    address: u64,
+    buffer: Buffer,
+}
+
+impl Structure {
+    fn build(
+        device: &Arc<Device>,
+        name: &str,
+        kind: vk::AccelerationStructureTypeKHR,
+        geometries: &[vk::AccelerationStructureGeometryKHR<'_>],
+        counts: &[u32],
+    ) -> Result<Structure> {
+        let functions = functions(device)?;
+        let mut flags = vk::BuildAccelerationStructureFlagsKHR::PREFER_FAST_TRACE;
+        if kind == vk::AccelerationStructureTypeKHR::BOTTOM_LEVEL {
+            flags |= vk::BuildAccelerationStructureFlagsKHR::ALLOW_COMPACTION;
+        }
+        let info = vk::AccelerationStructureBuildGeometryInfoKHR::default()
+            .ty(kind)
+            .flags(flags)
+            .mode(vk::BuildAccelerationStructureModeKHR::BUILD)
+            .geometries(geometries);
+        let mut sizes = vk::AccelerationStructureBuildSizesInfoKHR::default();
+        // SAFETY: one count a geometry; the extension is enabled, for this and all calls below.
+        unsafe {
+            functions.get_acceleration_structure_build_sizes(
+                vk::AccelerationStructureBuildTypeKHR::DEVICE,
+                &info,
+                counts,
+                &mut sizes,
+            );
+        }
+        let structure = Structure::empty(device, name, kind, sizes.acceleration_structure_size)?;
+        let alignment = u64::from(device.limits().min_acceleration_structure_scratch_offset_alignment);
+        let scratch = Buffer::new(device, "build scratch", sizes.build_scratch_size + alignment, Memory::Device)?;
+        let address = scratch.address().next_multiple_of(alignment);
+        let info = info
+            .dst_acceleration_structure(structure.raw)
+            .scratch_data(vk::DeviceOrHostAddressKHR { device_address: address });
+        let ranges: Vec<_> = counts
+            .iter()
+            .map(|count| vk::AccelerationStructureBuildRangeInfoKHR::default().primitive_count(*count))
+            .collect();
+        let mut commands = Commands::begin(device)?;
+        commands.timestamp(name);
+        // SAFETY: structure and scratch are as large as the driver asked; the addresses are the caller's buffers.
+        unsafe { functions.cmd_build_acceleration_structures(commands.raw(), &[info], &[&ranges]) };
+        device.submit(commands)?.wait()?;
+        Ok(structure)
+    }
+
+    /// A structure of that size with nothing in it.
+    fn empty(device: &Arc<Device>, name: &str, kind: vk::AccelerationStructureTypeKHR, size: u64) -> Result<Structure> {
+        let functions = functions(device)?;
+        let buffer = Buffer::new(device, name, size, Memory::Device)?;
+        let info = vk::AccelerationStructureCreateInfoKHR::default().buffer(buffer.raw).size(size).ty(kind);
+        // SAFETY: the buffer is as large as the structure.
+        let raw = unsafe { functions.create_acceleration_structure(&info, None) }
+            .map_err(device.error("vkCreateAccelerationStructureKHR"))?;
+        device.set_name(raw, name);
+        let info = vk::AccelerationStructureDeviceAddressInfoKHR::default().acceleration_structure(raw);
+        // SAFETY: the structure was just made.
+        let address = unsafe { functions.get_acceleration_structure_device_address(&info) };
+        Ok(Structure { raw, kind, address, buffer })
+    }
+
+    /// Moves the structure to as little memory as it needs.
+    fn compact(self) -> Result<Structure> {
+        let device = &self.buffer.device;
+        let functions = functions(device)?;
+        let kind = vk::QueryType::ACCELERATION_STRUCTURE_COMPACTED_SIZE_KHR;
+        let info = vk::QueryPoolCreateInfo::default().query_type(kind).query_count(1);
+        // SAFETY: the extension is enabled.
+        let pool = unsafe { device.raw.create_query_pool(&info, None) }.map_err(device.error("vkCreateQueryPool"))?;
+        let size = (|| {
+            let mut commands = Commands::begin(device)?;
+            // SAFETY: the pool is new and kept until the work is done; the structure is built and allows compaction.
+            unsafe {
+                device.raw.cmd_reset_query_pool(commands.raw(), pool, 0, 1);
+                let raw = commands.raw();
+                functions.cmd_write_acceleration_structures_properties(raw, &[self.raw], kind, pool, 0);
+            }
+            device.submit(commands)?.wait()?;
+            let mut size = [0u64];
+            let flags = vk::QueryResultFlags::TYPE_64 | vk::QueryResultFlags::WAIT;
+            // SAFETY: the query was written.
+            unsafe { device.raw.get_query_pool_results(pool, 0, &mut size, flags) }
+                .map_err(device.error("vkGetQueryPoolResults"))?;
+            Ok(size[0])
+        })();
+        device.retire(Retired::QueryPool(pool));
+        let size = size?;
+        if size == 0 || size >= self.buffer.size() {
+            return Ok(self);
+        }
+        let small = Structure::empty(device, self.buffer.name(), self.kind, size)?;
+        let info = vk::CopyAccelerationStructureInfoKHR::default()
+            .src(self.raw)
+            .dst(small.raw)
+            .mode(vk::CopyAccelerationStructureModeKHR::COMPACT);
+        let mut commands = Commands::begin(device)?;
+        // SAFETY: the new structure is as large as the driver asked.
+        unsafe { functions.cmd_copy_acceleration_structure(commands.raw(), &info) };
+        device.submit(commands)?.wait()?;
+        Ok(small)
+    }
+}
+
+impl Drop for Structure {
+    fn drop(&mut self) {
+        // Before its buffer, which goes after this.
+        self.buffer.device.retire(Retired::AccelerationStructure(self.raw));
+    }
+}
+
+fn functions(device: &Device) -> Result<&khr::acceleration_structure::Device> {
+    device.acceleration.as_ref().ok_or_else(|| Error::NoRayQuery { device: device.name().to_string() })
+}

@@ -1,0 +1,81 @@
+//! The shading frame at a point of a triangle.
+
+use glam::{DMat3, DVec2, DVec3};
+
+/// A right-handed orthonormal frame in world space, and the geometric normal that it was built about.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Frame {
+    /// Local x: along dp/du where there is one.
+    pub tangent: DVec3,
+    /// Local y: `normal × tangent`.
+    pub bitangent: DVec3,
+    /// Local z: the shading normal.
+    pub normal: DVec3,
+    /// The geometric normal, on the same side as `normal` seen from where the ray came.
+    pub geometric: DVec3,
+}
+
+impl Frame {
+    /// The frame for a ray that arrives along −`wo`. The vectors are in world space, of any length; the normals point
+    /// to the front of the triangle, transformed by the inverse transpose. A zero vector stands for "none".
+    ///
+    /// - An interpolated normal that is zero is replaced by the geometric one, one behind the triangle is turned.
+    /// - Opaque surfaces turn towards `wo`; the boundary of a solid keeps its normal pointing out.
+    /// - Where `wo` is on different sides of the two normals, the geometric one is used.
+    /// - `dpdu` gives the tangent; where it is zero or along the normal, [`orthonormal_basis`] does.
+    pub fn new(wo: DVec3, geometric: DVec3, interpolated: DVec3, dpdu: DVec3, opaque: bool) -> Frame {
+        let mut geometric = geometric.normalize_or_zero();
+        let mut normal = interpolated.normalize_or(geometric);
+        if normal.dot(geometric) < 0.0 {
+            normal = -normal;
+        }
+        if opaque && wo.dot(geometric) < 0.0 {
+            geometric = -geometric;
+            normal = -normal;
+        }
+        if wo.dot(normal) * wo.dot(geometric) <= 0.0 {
+            normal = geometric;
+        }
+        let across = dpdu - normal * normal.dot(dpdu);
+        // Less than 10⁻⁵ rad off the normal is rounding error.
+        let has_tangent = across.length_squared() > 1e-10 * dpdu.length_squared();
+        let tangent = if has_tangent { across.normalize() } else { orthonormal_basis(normal).0 };
+        Frame { tangent, bitangent: normal.cross(tangent), normal, geometric }
+    }
+
+    /// A world direction in the local frame.
+    pub fn to_local(&self, world: DVec3) -> DVec3 {
+        DVec3::new(world.dot(self.tangent), world.dot(self.bitangent), world.dot(self.normal))
+    }
+
+    /// A local direction in world space.
+    pub fn to_world(&self, local: DVec3) -> DVec3 {
+        DMat3::from_cols(self.tangent, self.bitangent, self.normal) * local
+    }
+
+    /// Whether `wi` is on the same side of the triangle as of the shading normal: light from elsewhere would leak
+    /// through, and counts as 0.
+    pub fn is_consistent(&self, wi_world: DVec3, wi_local: DVec3) -> bool {
+        wi_world.dot(self.geometric) * wi_local.z > 0.0
+    }
+}
+
+/// A tangent and a bitangent for a unit vector: Duff et al., *Building an Orthonormal Basis, Revisited*, JCGT 6(1),
+/// 2017.
+pub fn orthonormal_basis(normal: DVec3) -> (DVec3, DVec3) {
+    let sign = 1f64.copysign(normal.z);
+    let a = -1.0 / (sign + normal.z);
+    let b = normal.x * normal.y * a;
+    (
+        DVec3::new(1.0 + sign * normal.x * normal.x * a, sign * b, -sign * normal.x),
+        DVec3::new(b, sign + normal.y * normal.y * a, -normal.y),
+    )
+}
+
+/// dp/du of a triangle, in the space of its positions; zero where the texture coordinates are degenerate.
+pub fn triangle_dpdu(positions: [DVec3; 3], uvs: [DVec2; 3]) -> DVec3 {
+    let (edge1, edge2) = (positions[1] - positions[0], positions[2] - positions[0]);
+    let (duv1, duv2) = (uvs[1] - uvs[0], uvs[2] - uvs[0]);
+    let determinant = duv1.perp_dot(duv2);
+    if determinant == 0.0 { DVec3::ZERO } else { (edge1 * duv2.y - edge2 * duv1.y) / determinant }
+}

@@ -1,0 +1,180 @@
+//! The path integral: emission, one light sample a vertex, BSDF sampling, combined by the balance heuristic.
+
+use glam::{DVec2, DVec3, Vec3};
+
+use super::Reference;
+use super::embree::{Hit, Ray};
+use super::film::Sample;
+use super::lights::{LightSample, Source};
+use super::random::Random;
+use super::surface::{SurfacePoint, leave};
+use crate::image::{Crop, Picture, Samples, plane};
+use crate::material::Bsdf;
+
+/// Paths longer than this many segments play Russian roulette.
+const ROULETTE_AFTER: u32 = 3;
+
+/// Rays traced.
+#[derive(Default)]
+pub struct RayCount {
+    pub closest: u64,
+    pub shadow: u64,
+}
+
+impl Reference<'_> {
+    /// One sample of a pixel.
+    pub(super) fn sample(&self, pixel: [u32; 2], max_depth: u32, random: &mut Random, rays: &mut RayCount) -> Sample {
+        let jitter = DVec2::new(random.uniform(), random.uniform());
+        let position = DVec2::new(pixel[0].into(), pixel[1].into()) + jitter;
+        let lens = self.view.has_lens().then(|| DVec2::new(random.uniform(), random.uniform()));
+        let (eye, mut direction) = self.view.ray(position, lens);
+        let mut origin = eye.as_vec3();
+
+        let mut sample = Sample::default();
+        let mut throughput = DVec3::ONE;
+        // Density of `direction` as the last BSDF picked it; `None` where no light sample competes with it.
+        let mut picked_with: Option<f64> = None;
+
+        for segment in 1..=max_depth {
+            rays.closest += 1;
+            let Some((point, distance_squared)) = self.closest(origin, direction) else {
+                let radiance = self.sky(direction);
+                let weight = picked_with.map_or(1.0, |pdf| balance(pdf, self.lights.environment_pdf(radiance)));
+                sample.radiance += throughput * radiance * weight;
+                break;
+            };
+            let (material, frame) = (point.material, &point.frame);
+            let wo_world = -direction;
+
+            if material.is_emissive() && (point.is_front || material.emits_both_sides) {
+                let cosine = wo_world.dot(frame.geometric);
+                let weight = picked_with
+                    .map_or(1.0, |pdf| balance(pdf, self.lights.emitter_pdf(material, distance_squared, cosine)));
+                sample.radiance += throughput * material.emission.as_dvec3() * weight;
+            }
+            if segment == 1 {
+                sample.albedo = point.color;
+                sample.normal = frame.normal;
+            }
+            if segment == max_depth {
+                break;
+            }
+
+            let bsdf = Bsdf::new(&material.surface, point.color, &self.coats[point.material_index as usize]);
+            let wo = frame.to_local(wo_world);
+            if !bsdf.is_delta()
+                && let Some(light) = self.lights.sample(self.scene, point.position, random)
+            {
+                sample.radiance += throughput * self.direct(&point, &bsdf, wo, &light, rays);
+            }
+
+            let u = [random.uniform(), random.uniform(), random.uniform()];
+            let Some(scattered) = bsdf.sample(wo, u) else { break };
+            direction = frame.to_world(scattered.wi).normalize();
+            if !frame.is_consistent(direction, scattered.wi) {
+                break;
+            }
+            throughput *= scattered.weight;
+            picked_with = (!scattered.is_delta).then_some(scattered.pdf);
+            origin = point.leave(direction);
+
+            if segment > ROULETTE_AFTER {
+                let survival = throughput.max_element().min(1.0);
+                if random.uniform() >= survival {
+                    break;
+                }
+                throughput /= survival;
+            }
+        }
+        sample
+    }
+
+    /// What a light sample adds at a point, weighted against finding the same light by the BSDF.
+    fn direct(&self, point: &SurfacePoint, bsdf: &Bsdf, wo: DVec3, light: &LightSample, rays: &mut RayCount) -> DVec3 {
+        let wi_world = match light.source {
+            Source::Point { position, .. } => (position - point.position).normalize_or_zero(),
+            Source::Direction(direction) => direction,
+        };
+        let wi = point.frame.to_local(wi_world);
+        if !point.frame.is_consistent(wi_world, wi) {
+            return DVec3::ZERO;
+        }
+        let value = bsdf.eval(wo, wi) * wi.z.abs();
+        if value == DVec3::ZERO {
+            return DVec3::ZERO;
+        }
+
+        let origin = point.leave(wi_world);
+        let shadow_ray = match light.source {
+            Source::Point { position, error, normal } => {
+                let end = leave(position, error, normal, -wi_world);
+                Ray { origin, direction: end - origin, t_min: 0.0, t_max: 1.0 }
+            }
+            Source::Direction(direction) => {
+                Ray { origin, direction: direction.as_vec3(), t_min: 0.0, t_max: f32::INFINITY }
+            }
+        };
+        rays.shadow += 1;
+        if self.accelerator.occluded(&shadow_ray) {
+            return DVec3::ZERO;
+        }
+        let weight = if light.is_delta { 1.0 } else { balance(light.pdf, bsdf.pdf(wo, wi)) };
+        value * light.radiance * (weight / light.pdf)
+    }
+
+    /// What a ray meets first, and the squared distance to it.
+    fn closest(&self, origin: Vec3, direction: DVec3) -> Option<(SurfacePoint<'_>, f64)> {
+        let hit = self.hit(origin, direction)?;
+        let placement = &self.placements[hit.instance as usize];
+        let origin = origin.as_dvec3();
+        let point = SurfacePoint::new(self.scene, placement, &hit, origin, direction)?;
+        let distance_squared = (point.position - origin).length_squared();
+        Some((point, distance_squared))
+    }
+
+    fn hit(&self, origin: Vec3, direction: DVec3) -> Option<Hit> {
+        self.accelerator.closest(&Ray { origin, direction: direction.as_vec3(), t_min: 0.0, t_max: f32::INFINITY })
+    }
+
+    /// Radiance from infinity.
+    fn sky(&self, direction: DVec3) -> DVec3 {
+        match &self.scene.environment {
+            None => DVec3::ZERO,
+            Some(sky) if sky.texels.len() == 1 => sky.texels[0].as_dvec3(),
+            Some(sky) => sky.radiance(direction).as_dvec3(),
+        }
+    }
+
+    /// Adds the planes of the ray through the pixel's centre: depth and ids.
+    pub(super) fn add_centre_planes(&self, crop: Crop, picture: &mut Picture) {
+        let mut depth = Vec::with_capacity(picture.pixels());
+        let mut ids = [const { Vec::new() }; 3];
+        for y in 0..crop.height {
+            for x in 0..crop.width {
+                let centre = DVec2::new((crop.x + x).into(), (crop.y + y).into()) + 0.5;
+                let (eye, direction) = self.view.ray(centre, None);
+                let hit = self.hit(eye.as_vec3(), direction);
+                depth.push(
+                    hit.map_or(f32::INFINITY, |hit| (f64::from(hit.t) * direction.dot(self.view.forward)) as f32),
+                );
+                let [instance, triangle, material] = &mut ids;
+                instance.push(hit.map_or(plane::NO_ID, |hit| hit.instance));
+                triangle.push(hit.map_or(plane::NO_ID, |hit| hit.triangle));
+                material.push(hit.map_or(plane::NO_ID, |hit| {
+                    let mesh = self.scene.instances[hit.instance as usize].mesh;
+                    self.scene.meshes[mesh as usize].material(hit.triangle as usize)
+                }));
+            }
+        }
+        let [instances, triangles, materials] = ids;
+        picture.set(plane::DEPTH, Samples::F32(depth));
+        picture.set(plane::INSTANCE_ID, Samples::U32(instances));
+        picture.set(plane::PRIMITIVE_ID, Samples::U32(triangles));
+        picture.set(plane::MATERIAL_ID, Samples::U32(materials));
+    }
+}
+
+/// The balance heuristic (Veach 1997): the weight of a technique with density `used` against one with `other`.
+fn balance(used: f64, other: f64) -> f64 {
+    used / (used + other)
+}

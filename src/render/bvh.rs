@@ -1,0 +1,432 @@
+//! The bounding volume hierarchy that the compute kernels walk: four-wide nodes over triangles or over instances.
+//!
+//! `obvhs` decides which primitives stay together; the boxes, the collapse to four children and the layout are ours.
+//! Every inner node holds the boxes of its children, so that one step of a walk reads one node and tests four boxes.
+//! The device's form of the walk is `glsl/lib/trace_bvh.glsl`; [`Bvh::closest`] is the same arithmetic in plain Rust,
+//! slow, for tests.
+
+use glam::{Vec3, Vec3A};
+use obvhs::{
+    aabb::Aabb,
+    bvh2::{Bvh2, leaf_collapser::collapse, reinsertion::ReinsertionOptimizer},
+    ploc::{PlocBuilder, PlocSearchDistance, SortPrecision},
+};
+use rayon::prelude::*;
+
+use crate::scene::{Bounds, Mesh};
+
+/// Children of a node.
+const WIDTH: usize = 4;
+
+/// The child slot that holds nothing.
+pub const NO_CHILD: u32 = u32::MAX;
+
+/// Set in a child that is a leaf.
+pub const LEAF: u32 = 1 << 31;
+
+/// A leaf keeps its primitive count − 1 above this bit and its first primitive below it.
+pub const LEAF_COUNT_SHIFT: u32 = 28;
+
+/// Primitives that a leaf holds at most; the count's highest value marks the walk's end on the device.
+const MAX_LEAF: u32 = 4;
+
+/// Primitives that one tree can index.
+pub const MAX_PRIMITIVES: usize = 1 << LEAF_COUNT_SHIFT;
+
+/// Entries of the walk's stack. A tree that could need more is built again, balanced, which never does.
+pub const MAX_STACK: u32 = 96;
+
+/// Boxes are grown by this factor of the far distance, 1 + 2γ(3), so that rounding never loses a hit
+/// (Ize, "Robust BVH Ray Traversal", JCGT 2013).
+const FAR_SLACK: f32 = 1.000_000_4;
+
+crate::shared_structs! {
+    /// The structs of `glsl/layout/geometry.glsl` that trees are made of.
+    pub const BVH_STRUCTS;
+
+    /// One step of the walk: four boxes, each bound of the four beside one another.
+    #[derive(PartialEq)]
+    pub struct BvhNode {
+        /// Lower x of the children's boxes. A child that is not there has a box that no ray reaches: a point at +∞.
+        pub lower_x: [f32; WIDTH],
+        /// Upper x.
+        pub upper_x: [f32; WIDTH],
+        /// Lower y.
+        pub lower_y: [f32; WIDTH],
+        /// Upper y.
+        pub upper_y: [f32; WIDTH],
+        /// Lower z.
+        pub lower_z: [f32; WIDTH],
+        /// Upper z.
+        pub upper_z: [f32; WIDTH],
+        /// An inner node's index, or [`LEAF`] | (count − 1) << [`LEAF_COUNT_SHIFT`] | first primitive, or [`NO_CHILD`].
+        pub child: [u32; WIDTH],
+        /// For each octant of ray directions one byte: the children from near to far, two bits each. Octant bits 0, 1, 2
+        /// say that x, y, z are negative.
+        pub order: [u32; 2],
+        /// Nothing; it rounds the node up to two cache lines.
+        pub padding: [u32; 2],
+    }
+
+    /// A triangle as a leaf keeps it: with its corners, so that a walk need not follow indices.
+    #[derive(PartialEq)]
+    pub struct LeafTriangle {
+        /// Object space.
+        pub corner_0: [f32; 3],
+        /// Object space.
+        pub corner_1: [f32; 3],
+        /// Object space.
+        pub corner_2: [f32; 3],
+        /// Index into [`Mesh::triangles`].
+        pub triangle: u32,
+    }
+}
+
+/// A tree of nodes. Node 0 is the root and always an inner node, with as little as one child.
+#[derive(Clone, Debug)]
+pub struct Bvh {
+    /// Inner nodes, a parent always before its children.
+    pub nodes: Vec<BvhNode>,
+    /// What leaves index: the primitive that stands at each place.
+    pub order: Vec<u32>,
+    /// The box around everything.
+    pub bounds: Bounds,
+    /// Entries that a walk's stack needs at most, ≤ [`MAX_STACK`].
+    pub stack: u32,
+}
+
+/// A primitive that a ray hit.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Intersection {
+    /// The primitive's index, as it was given to [`Bvh::build`].
+    pub primitive: u32,
+    /// Ray parameter: the hit is at o + t·d.
+    pub t: f32,
+    /// Barycentric weight of the second corner.
+    pub u: f32,
+    /// Barycentric weight of the third corner.
+    pub v: f32,
+}
+
+impl Bvh {
+    /// A tree over the triangles of a mesh.
+    pub fn over_triangles(mesh: &Mesh) -> Bvh {
+        let boxes: Vec<Bounds> = (0..mesh.triangles.len())
+            .into_par_iter()
+            .map(|triangle| mesh.corners(triangle).into_iter().fold(Bounds::EMPTY, Bounds::including))
+            .collect();
+        Bvh::build(&boxes, MAX_LEAF)
+    }
+
+    /// A tree over boxes, at most `max_leaf` ≤ 4 of them in a leaf. No box, a box that is a point, identical and
+    /// overlapping boxes are all fine.
+    pub fn build(boxes: &[Bounds], max_leaf: u32) -> Bvh {
+        let bvh = Bvh::from_binary(&cluster(boxes, max_leaf), boxes);
+        if bvh.stack <= MAX_STACK { bvh } else { Bvh::from_binary(&halve(boxes), boxes) }
+    }
+
+    /// A tree over boxes whose leaves hold the index of one box each, so that [`Bvh::order`] says nothing.
+    pub fn over_single_boxes(boxes: &[Bounds]) -> Bvh {
+        let mut bvh = Bvh::build(boxes, 1);
+        for child in bvh.nodes.iter_mut().flat_map(|node| &mut node.child) {
+            if *child != NO_CHILD && *child & LEAF != 0 {
+                *child = LEAF | bvh.order[leaf_range(*child).start];
+            }
+        }
+        bvh.order = (0..boxes.len() as u32).collect();
+        bvh
+    }
+
+    /// Collapses a binary tree into a four-wide one and fits the boxes anew.
+    fn from_binary(binary: &Binary, boxes: &[Bounds]) -> Bvh {
+        let mut nodes = vec![BvhNode::EMPTY];
+        let mut open = if binary.nodes.is_empty() { vec![] } else { vec![(0, 0)] };
+        while let Some((source, target)) = open.pop() {
+            let mut children =
+                if binary.nodes[source].is_leaf() { vec![source] } else { binary.nodes[source].children().to_vec() };
+            while children.len() < WIDTH {
+                let inner = children.iter().enumerate().filter(|(_, child)| !binary.nodes[**child].is_leaf());
+                let Some((slot, _)) = inner.max_by(|a, b| binary.nodes[*a.1].area.total_cmp(&binary.nodes[*b.1].area))
+                else {
+                    break;
+                };
+                let [left, right] = binary.nodes[children[slot]].children();
+                children[slot] = left;
+                children.insert(slot + 1, right);
+            }
+            for (slot, child) in children.into_iter().enumerate() {
+                let node = binary.nodes[child];
+                nodes[target].child[slot] = if node.is_leaf() {
+                    LEAF | (node.count - 1) << LEAF_COUNT_SHIFT | node.first
+                } else {
+                    open.push((child, nodes.len()));
+                    nodes.push(BvhNode::EMPTY);
+                    (nodes.len() - 1) as u32
+                };
+            }
+        }
+        let mut bvh = Bvh { nodes, order: binary.order.clone(), bounds: Bounds::EMPTY, stack: 0 };
+        bvh.fit(boxes);
+        bvh
+    }
+
+    /// Computes boxes, orders and the stack's depth, from the last node, whose children are leaves, to the root.
+    fn fit(&mut self, boxes: &[Bounds]) {
+        let mut around = vec![Bounds::EMPTY; self.nodes.len()];
+        let mut stack = vec![0; self.nodes.len()];
+        for index in (0..self.nodes.len()).rev() {
+            let node = &mut self.nodes[index];
+            let (mut bounds, mut below, mut count) = ([Bounds::EMPTY; WIDTH], 0, 0);
+            for slot in 0..WIDTH {
+                match node.child[slot] {
+                    NO_CHILD => continue,
+                    leaf if leaf & LEAF != 0 => {
+                        for place in leaf_range(leaf) {
+                            bounds[slot] = union(bounds[slot], boxes[self.order[place] as usize]);
+                        }
+                    }
+                    inner => {
+                        bounds[slot] = around[inner as usize];
+                        below = below.max(stack[inner as usize]);
+                    }
+                }
+                count += 1;
+                node.set_bounds(slot, bounds[slot]);
+                around[index] = union(around[index], bounds[slot]);
+            }
+            node.set_order(&bounds);
+            stack[index] = below + u32::saturating_sub(count, 1);
+        }
+        self.bounds = around[0];
+        // A walk pushes all children that it meets before it pops the nearest.
+        self.stack = stack[0] + 1;
+    }
+
+    /// The triangles of `mesh` as the leaves of its tree index them.
+    pub fn leaf_triangles(&self, mesh: &Mesh) -> Vec<LeafTriangle> {
+        self.order
+            .par_iter()
+            .map(|triangle| {
+                let [corner_0, corner_1, corner_2] = mesh.corners(*triangle as usize).map(|corner| corner.to_array());
+                LeafTriangle { corner_0, corner_1, corner_2, triangle: *triangle }
+            })
+            .collect()
+    }
+
+    /// The nearest triangle of `mesh`, over which the tree was built, with 0 < t < `t_max`.
+    pub fn closest(&self, mesh: &Mesh, origin: Vec3, direction: Vec3, t_max: f32) -> Option<Intersection> {
+        let ray = TriangleRay::new(origin, direction);
+        let (mut nearest, mut t_max) = (None, t_max);
+        self.walk(origin, direction, t_max, |primitive| {
+            if let Some([t, u, v]) = ray.intersect(t_max, mesh.corners(primitive as usize)) {
+                nearest = Some(Intersection { primitive, t, u, v });
+                t_max = t;
+            }
+            t_max
+        });
+        nearest
+    }
+
+    /// Calls `visit` with every primitive whose leaf the ray passes; it returns the new end of the ray.
+    pub fn walk(&self, origin: Vec3, direction: Vec3, mut t_max: f32, mut visit: impl FnMut(u32) -> f32) {
+        let inverse = safe_inverse(direction);
+        let octant =
+            usize::from(direction.x < 0.0) | usize::from(direction.y < 0.0) << 1 | usize::from(direction.z < 0.0) << 2;
+        let mut stack = vec![0];
+        while let Some(current) = stack.pop() {
+            if current & LEAF != 0 {
+                for place in leaf_range(current) {
+                    t_max = visit(self.order[place]);
+                }
+                continue;
+            }
+            let node = &self.nodes[current as usize];
+            let order = node.order[octant / 4] >> (8 * (octant % 4));
+            for place in (0..WIDTH).rev() {
+                let slot = (order >> (2 * place) & 3) as usize;
+                if node.hit(slot, origin, inverse, t_max) {
+                    stack.push(node.child[slot]);
+                }
+            }
+        }
+    }
+}
+
+impl BvhNode {
+    const EMPTY: BvhNode = BvhNode {
+        lower_x: [f32::INFINITY; WIDTH],
+        upper_x: [f32::INFINITY; WIDTH],
+        lower_y: [f32::INFINITY; WIDTH],
+        upper_y: [f32::INFINITY; WIDTH],
+        lower_z: [f32::INFINITY; WIDTH],
+        upper_z: [f32::INFINITY; WIDTH],
+        child: [NO_CHILD; WIDTH],
+        order: [0xe4e4_e4e4; 2],
+        padding: [0; 2],
+    };
+
+    fn set_bounds(&mut self, slot: usize, bounds: Bounds) {
+        [self.lower_x[slot], self.lower_y[slot], self.lower_z[slot]] = bounds.min.to_array();
+        [self.upper_x[slot], self.upper_y[slot], self.upper_z[slot]] = bounds.max.to_array();
+    }
+
+    /// Sorts the children along the diagonal of every octant by their centres.
+    fn set_order(&mut self, bounds: &[Bounds; WIDTH]) {
+        self.order = [0; 2];
+        for octant in 0..8 {
+            let sign = |bit: usize| if octant >> bit & 1 == 1 { -0.5 } else { 0.5 };
+            let diagonal = Vec3::new(sign(0), sign(1), sign(2));
+            let along = |slot: usize| match self.child[slot] {
+                NO_CHILD => f32::INFINITY,
+                _ => diagonal.dot(bounds[slot].min) + diagonal.dot(bounds[slot].max),
+            };
+            let mut slots = [0, 1, 2, 3];
+            slots.sort_by(|a, b| along(*a).total_cmp(&along(*b)));
+            let byte = slots.iter().rev().fold(0, |byte, slot| byte << 2 | *slot as u32);
+            self.order[octant / 4] |= byte << (8 * (octant % 4));
+        }
+    }
+
+    /// The slab test of one child.
+    fn hit(&self, slot: usize, origin: Vec3, inverse: Vec3, t_max: f32) -> bool {
+        let lower = (Vec3::new(self.lower_x[slot], self.lower_y[slot], self.lower_z[slot]) - origin) * inverse;
+        let upper = (Vec3::new(self.upper_x[slot], self.upper_y[slot], self.upper_z[slot]) - origin) * inverse;
+        let near = Vec3::select(inverse.cmplt(Vec3::ZERO), upper, lower).max_element().max(0.0);
+        let far = Vec3::select(inverse.cmplt(Vec3::ZERO), lower, upper).min_element().min(t_max);
+        near <= far * FAR_SLACK
+    }
+}
+
+/// A ray made ready for the watertight triangle test of Woop, Benthin, Wald, "Watertight Ray/Triangle Intersection",
+/// JCGT 2013: a shear along the ray's longest axis turns the question into whether the origin lies in a flat triangle,
+/// and two triangles that share an edge compute the same number, but for its sign, for that edge.
+#[derive(Clone, Copy, Debug)]
+pub struct TriangleRay {
+    origin: Vec3,
+    x: Vec3,
+    y: Vec3,
+    z: Vec3,
+}
+
+impl TriangleRay {
+    /// From origin and direction, which need not be a unit vector but must not be 0.
+    pub fn new(origin: Vec3, direction: Vec3) -> TriangleRay {
+        let d = direction;
+        let longest = d.abs();
+        let [x, y, z] = if longest.z >= longest.x && longest.z >= longest.y {
+            [Vec3::new(1.0, 0.0, -d.x / d.z), Vec3::new(0.0, 1.0, -d.y / d.z), Vec3::new(0.0, 0.0, 1.0 / d.z)]
+        } else if longest.y >= longest.x {
+            [Vec3::new(1.0, -d.x / d.y, 0.0), Vec3::new(0.0, -d.z / d.y, 1.0), Vec3::new(0.0, 1.0 / d.y, 0.0)]
+        } else {
+            [Vec3::new(-d.y / d.x, 1.0, 0.0), Vec3::new(-d.z / d.x, 0.0, 1.0), Vec3::new(1.0 / d.x, 0.0, 0.0)]
+        };
+        TriangleRay { origin, x, y, z }
+    }
+
+    /// (t, u, v) where the ray meets the triangle, from either side, with 0 < t < `t_max`.
+    pub fn intersect(&self, t_max: f32, corners: [Vec3; 3]) -> Option<[f32; 3]> {
+        let [a, b, c] = corners.map(|corner| {
+            let relative = corner - self.origin;
+            Vec3::new(self.x.dot(relative), self.y.dot(relative), self.z.dot(relative))
+        });
+        let u = c.x * b.y - c.y * b.x;
+        let v = a.x * c.y - a.y * c.x;
+        let w = b.x * a.y - b.y * a.x;
+        let determinant = u + v + w;
+        let inside = (u >= 0.0 && v >= 0.0 && w >= 0.0) || (u <= 0.0 && v <= 0.0 && w <= 0.0);
+        let reciprocal = 1.0 / determinant;
+        let t = (u * a.z + v * b.z + w * c.z) * reciprocal;
+        (inside && determinant != 0.0 && t > 0.0 && t < t_max).then_some([t, v * reciprocal, w * reciprocal])
+    }
+}
+
+/// 1/d for box tests: finite, so that no product with it is 0·∞.
+fn safe_inverse(direction: Vec3) -> Vec3 {
+    direction.map(|d| if d.abs() < 1e-18 { 1e18_f32.copysign(d) } else { 1.0 / d })
+}
+
+/// Places in [`Bvh::order`] that a leaf holds.
+fn leaf_range(leaf: u32) -> std::ops::Range<usize> {
+    let first = (leaf & (MAX_PRIMITIVES as u32 - 1)) as usize;
+    first..first + ((leaf & !LEAF) >> LEAF_COUNT_SHIFT) as usize + 1
+}
+
+fn union(a: Bounds, b: Bounds) -> Bounds {
+    Bounds { min: a.min.min(b.min), max: a.max.max(b.max) }
+}
+
+/// A binary tree's shape.
+struct Binary {
+    nodes: Vec<BinaryNode>,
+    order: Vec<u32>,
+}
+
+#[derive(Clone, Copy)]
+struct BinaryNode {
+    /// Primitives of a leaf; 0 in an inner node.
+    count: u32,
+    /// The first primitive, or the first of two neighbouring children.
+    first: u32,
+    /// How much it is worth to open it early: its half area.
+    area: f32,
+}
+
+impl BinaryNode {
+    fn is_leaf(&self) -> bool {
+        self.count != 0
+    }
+
+    fn children(&self) -> [usize; 2] {
+        [self.first as usize, self.first as usize + 1]
+    }
+}
+
+/// A good tree: parallel locally-ordered clustering, reinsertion, then leaves collapsed by the surface area heuristic.
+fn cluster(boxes: &[Bounds], max_leaf: u32) -> Binary {
+    // Areas must neither overflow nor vanish: the tree's shape is found in a box of the size of one.
+    let all = boxes.iter().copied().fold(Bounds::EMPTY, union);
+    let scale = 1.0 / f64::from((all.max.as_dvec3() - all.min.as_dvec3()).max_element() as f32).clamp(1e-37, 1e38);
+    let normalise = |point: Vec3| Vec3A::from(((point.as_dvec3() - all.min.as_dvec3()) * scale).as_vec3());
+    let normal: Vec<Aabb> =
+        boxes.par_iter().map(|bounds| Aabb::new(normalise(bounds.min), normalise(bounds.max))).collect();
+    let mut tree: Bvh2 = PlocBuilder::with_capacity(normal.len()).build(
+        PlocSearchDistance::Medium,
+        &normal,
+        (0..normal.len() as u32).collect(),
+        SortPrecision::U64,
+        3,
+    );
+    let mut reinsertion = ReinsertionOptimizer::default();
+    reinsertion.run(&mut tree, 0.05, None);
+    collapse(&mut tree, max_leaf, 2.0);
+    reinsertion.run(&mut tree, 0.1, None);
+    let nodes = tree
+        .nodes
+        .par_iter()
+        .map(|node| BinaryNode { count: node.prim_count, first: node.first_index, area: node.aabb().half_area() })
+        .collect();
+    Binary { nodes, order: tree.primitive_indices }
+}
+
+/// A balanced tree, whose depth is the logarithm of the number of boxes whatever they are.
+fn halve(boxes: &[Bounds]) -> Binary {
+    let mut order: Vec<u32> = (0..boxes.len() as u32).collect();
+    let mut nodes = vec![BinaryNode { count: 0, first: 0, area: 0.0 }];
+    let mut open = vec![(0, 0..order.len())];
+    while let Some((index, range)) = open.pop() {
+        if range.len() == 1 {
+            nodes[index] = BinaryNode { count: 1, first: range.start as u32, area: 0.0 };
+            continue;
+        }
+        let center = |primitive: &u32| boxes[*primitive as usize].center();
+        let centers = order[range.clone()].iter().map(center).fold(Bounds::EMPTY, Bounds::including);
+        let axis = (centers.max / 2.0 - centers.min / 2.0).max_position();
+        let middle = range.len() / 2;
+        order[range.clone()].select_nth_unstable_by(middle, |a, b| center(a)[axis].total_cmp(&center(b)[axis]));
+        nodes[index] = BinaryNode { count: 0, first: nodes.len() as u32, area: range.len() as f32 };
+        open.push((nodes.len(), range.start..range.start + middle));
+        open.push((nodes.len() + 1, range.start + middle..range.end));
+        nodes.extend([nodes[index]; 2]);
+    }
+    Binary { nodes, order }
+}

@@ -1,0 +1,178 @@
+//! Traces arrays of rays on a device: what tests and benches ask the traversals by themselves.
+
+use std::sync::Arc;
+
+use super::error::Error;
+use super::geometry::Geometry;
+use super::kernels::is_instanced;
+use super::layout::SceneTable;
+use super::settings::Traversal;
+use crate::gpu::{self, Buffer, Commands, Device, Kernel, Memory};
+use crate::scene::Scene;
+
+crate::shared_structs! {
+    /// The structs of `glsl/layout/rays.glsl`.
+    pub const RAY_STRUCTS;
+
+    /// A ray o + t·d, 0 < t < t_max.
+    #[derive(PartialEq)]
+    pub struct Ray {
+        /// o, world space.
+        pub origin: [f32; 3],
+        /// Its end; < 0 meets nothing.
+        pub t_max: f32,
+        /// d, not 0, of any length.
+        pub direction: [f32; 3],
+        /// Nothing.
+        pub padding: f32,
+    }
+
+    /// What a ray met.
+    #[derive(PartialEq)]
+    pub struct RayHit {
+        /// Index of the instance, or [`RayHit::NONE`].
+        pub instance: u32,
+        /// Triangle of its mesh. This and what follows is 0 where nothing was met, and where any hit was asked for.
+        pub triangle: u32,
+        /// The hit is at o + t·d.
+        pub t: f32,
+        /// Barycentric weight of the second corner.
+        pub u: f32,
+        /// Barycentric weight of the third corner.
+        pub v: f32,
+    }
+
+    /// Push constants of the `intersect_*` kernels.
+    pub struct RayPass {
+        /// The scene.
+        pub scene: u64,
+        /// What to trace.
+        pub rays: u64,
+        /// Where the hits go.
+        pub hits: u64,
+        /// How many there are.
+        pub count: u32,
+        /// Nothing.
+        pub padding: u32,
+    }
+}
+
+impl RayHit {
+    /// The `instance` of a ray that met nothing.
+    pub const NONE: u32 = u32::MAX;
+}
+
+/// Which hit is asked for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Query {
+    /// The nearest.
+    Closest,
+    /// Any at all.
+    Any,
+}
+
+/// A scene's geometry on a device, ready to be asked.
+pub struct Intersector {
+    device: Arc<Device>,
+    geometry: Geometry,
+    table: Buffer,
+    closest: Kernel,
+    any: Kernel,
+}
+
+/// Rays on a device, and room for their hits.
+pub struct RayBatch {
+    rays: Buffer,
+    hits: Buffer,
+    count: u32,
+}
+
+impl Intersector {
+    /// Uploads the scene's geometry and builds the kernels.
+    ///
+    /// # Errors
+    /// A traversal that the device lacks, a mesh that is too large, out of memory.
+    pub fn new(device: &Arc<Device>, scene: &Scene, traversal: Traversal) -> Result<Intersector, Error> {
+        let geometry = Geometry::upload(device, scene, traversal)?;
+        let names = match traversal {
+            Traversal::Bvh => ["intersect_closest_bvh", "intersect_any_bvh"],
+            Traversal::RayQuery => ["intersect_closest_ray_query", "intersect_any_ray_query"],
+        };
+        let mut specialization = geometry.specialization().to_vec();
+        specialization.push((7, u32::from(is_instanced(scene))));
+        let kernel = |name| {
+            let source = gpu::spirv::load(name).ok_or(Error::MissingKernel(name))?;
+            Ok::<_, Error>(Kernel::new(device, source, &specialization)?)
+        };
+        let table = SceneTable {
+            instances: geometry.instances_address(),
+            meshes: geometry.meshes_address(),
+            nodes: geometry.nodes_address(),
+            ..bytemuck::Zeroable::zeroed()
+        };
+        Ok(Intersector {
+            device: device.clone(),
+            table: Buffer::with_data(device, "scene table", &[table])?,
+            closest: kernel(names[0])?,
+            any: kernel(names[1])?,
+            geometry,
+        })
+    }
+
+    /// Bytes of device memory of the geometry: see [`Geometry::bytes`].
+    pub fn bytes(&self) -> u64 {
+        self.geometry.bytes()
+    }
+
+    /// Uploads rays.
+    ///
+    /// # Errors
+    /// Out of memory.
+    pub fn upload(&self, rays: &[Ray]) -> Result<RayBatch, Error> {
+        let hit_bytes = (rays.len() * size_of::<RayHit>()).max(size_of::<RayHit>()) as u64;
+        Ok(RayBatch {
+            rays: Buffer::with_data(&self.device, "rays", rays)?,
+            hits: Buffer::new(&self.device, "hits", hit_bytes, Memory::Device)?,
+            count: rays.len() as u32,
+        })
+    }
+
+    /// Traces the rays and waits.
+    ///
+    /// # Errors
+    /// A lost device.
+    pub fn trace(&self, batch: &RayBatch, query: Query) -> Result<(), Error> {
+        let kernel = match query {
+            Query::Closest => &self.closest,
+            Query::Any => &self.any,
+        };
+        let push = RayPass {
+            scene: self.table.address(),
+            rays: batch.rays.address(),
+            hits: batch.hits.address(),
+            count: batch.count,
+            padding: 0,
+        };
+        let mut commands = Commands::begin(&self.device)?;
+        if let Some(tlas) = self.geometry.tlas() {
+            commands.bind_tlas(tlas);
+        }
+        commands.timestamp("intersect");
+        commands.dispatch(kernel, kernel.groups_for(batch.count), &push);
+        self.device.submit(commands)?.wait()?;
+        Ok(())
+    }
+
+    /// Uploads rays, traces them and reads back what they met.
+    ///
+    /// # Errors
+    /// Out of memory, or a lost device.
+    pub fn hits(&self, rays: &[Ray], query: Query) -> Result<Vec<RayHit>, Error> {
+        if rays.is_empty() {
+            return Ok(Vec::new());
+        }
+        let batch = self.upload(rays)?;
+        self.trace(&batch, query)?;
+        Ok(batch.hits.read()?)
+    }
+}

@@ -1,0 +1,179 @@
+//! Which kernels a scene needs, and how they are specialized. What a scene lacks is not in the list: it is never built.
+
+use std::sync::Arc;
+
+use glam::{Affine3A, Vec3};
+
+use super::error::Error;
+use super::material_record::{Family, family};
+use super::settings::{Settings, Traversal};
+use crate::gpu::{self, Device, Kernel};
+use crate::scene::{Fresnel, LightTable, Scene, Surface};
+
+/// A kernel of the wavefront by the name of its source, with its specialization constants (id, value).
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct KernelPlan {
+    /// The file's name in `glsl/kernels`, without its ending.
+    pub name: &'static str,
+    /// `constant_id` and value.
+    pub specialization: Vec<(u32, u32)>,
+}
+
+/// What a scene has, as far as kernels differ by it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Features {
+    /// Bit f: a material of family f is on a mesh.
+    pub families: u32,
+    /// Some triangle emits.
+    pub emitters: bool,
+    /// There is a sky.
+    pub environment: bool,
+    /// There is a sun.
+    pub sun: bool,
+    /// Some material on a mesh has a texture.
+    pub textures: bool,
+    /// The camera has a lens.
+    pub lens: bool,
+    /// More than one instance, or one that is moved.
+    pub instanced: bool,
+}
+
+impl Features {
+    /// Looks at a scene and its lights. Lights without power count as none.
+    pub fn of(scene: &Scene, lights: &LightTable) -> Features {
+        let mut used = vec![false; scene.materials.len()];
+        for instance in &scene.instances {
+            for material in &scene.meshes[instance.mesh as usize].materials {
+                used[*material as usize] = true;
+            }
+        }
+        let used = || scene.materials.iter().zip(&used).filter(|(_, used)| **used).map(|(material, _)| material);
+        Features {
+            families: used().fold(0, |mask, material| mask | 1 << family(&material.surface) as u32),
+            emitters: !lights.is_empty() && !lights.triangles.is_empty(),
+            environment: lights.environment_texels > 0,
+            sun: scene.sun.is_some_and(|sun| sun.irradiance != Vec3::ZERO),
+            textures: used().any(|material| has_texture(&material.surface)),
+            lens: scene.camera.lens.is_some(),
+            instanced: is_instanced(scene),
+        }
+    }
+
+    /// Whether some material of the family is in the scene.
+    pub fn has(&self, family: Family) -> bool {
+        self.families & 1 << family as u32 != 0
+    }
+
+    /// Whether there is light at all.
+    pub fn has_lights(&self) -> bool {
+        self.emitters || self.environment || self.sun
+    }
+
+    /// The kernels that render a scene with these features, in the order in which a bounce runs them.
+    pub fn kernels(&self, traversal: Traversal, settings: &Settings, workgroup_size: u32) -> Vec<KernelPlan> {
+        let flag = |id: u32, value: bool| (id, u32::from(value));
+        let common = [
+            (0, workgroup_size),
+            (1, settings.sampler as u32),
+            flag(2, self.emitters),
+            flag(3, self.environment),
+            flag(4, self.sun),
+            (5, self.families),
+            flag(6, self.textures),
+            flag(7, self.instanced),
+            flag(8, self.lens),
+            flag(9, settings.features),
+        ];
+        let [closest, shadow] = trace_kernels(traversal);
+        let scatters = settings.max_depth > 1;
+        let names = [
+            Some("generate"),
+            Some(closest),
+            settings.features.then_some("first_hit"),
+            self.environment.then_some("shade_miss"),
+        ]
+        .into_iter()
+        .chain(Family::ALL.map(|family| self.has(family).then_some(shade_kernel(family))))
+        .chain([(self.has_lights() && scatters).then_some(shadow), Some("resolve"), Some("estimate_error")]);
+        names.flatten().map(|name| KernelPlan { name, specialization: common.to_vec() }).collect()
+    }
+}
+
+/// Whether a traversal has to look at instances: there are more than one, or one that is not where its mesh is.
+pub(super) fn is_instanced(scene: &Scene) -> bool {
+    scene.instances.len() != 1 || scene.instances[0].object_to_world != Affine3A::IDENTITY
+}
+
+fn has_texture(surface: &Surface) -> bool {
+    let color = match surface {
+        Surface::Diffuse { albedo } | Surface::Coated { albedo, .. } => Some(albedo),
+        Surface::Conductor { fresnel: Fresnel::Schlick { f0 }, .. } => Some(f0),
+        Surface::Conductor { .. } | Surface::Dielectric { .. } => None,
+    };
+    color.is_some_and(|color| color.texture.is_some())
+}
+
+/// The built kernels of a render.
+pub struct Kernels {
+    kernels: Vec<Kernel>,
+    traversal: Traversal,
+}
+
+impl Kernels {
+    /// Builds what the scene needs, several at once, with further constants that hang on how the scene was uploaded.
+    pub fn build(
+        device: &Arc<Device>,
+        features: &Features,
+        traversal: Traversal,
+        settings: &Settings,
+        further: &[(u32, u32)],
+    ) -> Result<Kernels, Error> {
+        let mut plans = features.kernels(traversal, settings, device.profile().workgroup_size);
+        plans.iter_mut().for_each(|plan| plan.specialization.extend(further));
+        let sources = plans
+            .iter()
+            .map(|plan| {
+                let source = gpu::spirv::load(plan.name).ok_or(Error::MissingKernel(plan.name))?;
+                Ok((source, plan.specialization.as_slice()))
+            })
+            .collect::<Result<Vec<_>, Error>>()?;
+        Ok(Kernels { kernels: Kernel::build_all(device, &sources)?, traversal })
+    }
+
+    /// Their names, in the order of [`Features::kernels`].
+    pub fn names(&self) -> Vec<&'static str> {
+        self.kernels.iter().map(Kernel::name).collect()
+    }
+
+    /// A kernel by name; `None` if the scene has no use for it.
+    pub fn get(&self, name: &str) -> Option<&Kernel> {
+        self.kernels.iter().find(|kernel| kernel.name() == name)
+    }
+
+    /// The kernel that finds first hits.
+    pub fn trace_closest(&self) -> &'static str {
+        trace_kernels(self.traversal)[0]
+    }
+
+    /// The kernel that tests light samples for occlusion.
+    pub fn trace_shadow(&self) -> &'static str {
+        trace_kernels(self.traversal)[1]
+    }
+}
+
+fn trace_kernels(traversal: Traversal) -> [&'static str; 2] {
+    match traversal {
+        Traversal::RayQuery => ["trace_closest_ray_query", "trace_shadow_ray_query"],
+        Traversal::Bvh => ["trace_closest_bvh", "trace_shadow_bvh"],
+    }
+}
+
+/// The kernel that shades a family.
+pub fn shade_kernel(family: Family) -> &'static str {
+    match family {
+        Family::Diffuse => "shade_diffuse",
+        Family::Conductor => "shade_conductor",
+        Family::Dielectric => "shade_dielectric",
+        Family::Coated => "shade_coated",
+    }
+}

@@ -1,0 +1,119 @@
+//! The path pool and its queues on the device.
+
+use std::sync::Arc;
+
+use super::error::Error;
+use super::kernels::Features;
+use super::layout::{PathPool, QueueCounter};
+use super::material_record::Family;
+use super::settings::Settings;
+use crate::gpu::{Buffer, Commands, Device, Memory};
+
+/// A bounce's queues.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Queue {
+    /// Rays whose first hit is wanted.
+    Trace,
+    /// Light samples whose occlusion is wanted.
+    Shadow,
+    /// Paths that left the scene.
+    Miss,
+    /// Paths that hit a material of a family.
+    Shade(Family),
+}
+
+/// `QUEUE_COUNT` of `glsl/layout/path.glsl`.
+const QUEUE_COUNT: u32 = 7;
+
+impl Queue {
+    fn index(self) -> u32 {
+        match self {
+            Queue::Trace => 0,
+            Queue::Shadow => 1,
+            Queue::Miss => 2,
+            Queue::Shade(family) => 3 + family as u32,
+        }
+    }
+}
+
+/// A bounded number of paths in flight. Its memory depends on that number and the depth alone, not on the picture.
+pub struct Pool {
+    capacity: u32,
+    table: Buffer,
+    counters: Buffer,
+    empty_counters: Buffer,
+    // Held for the table's pointers.
+    _arrays: Vec<Buffer>,
+}
+
+impl Pool {
+    /// Makes a pool of `capacity` paths (≥ 1), without what the scene and the settings have no use for.
+    pub fn new(
+        device: &Arc<Device>,
+        capacity: u32,
+        settings: &Settings,
+        features: &Features,
+        workgroup_size: u32,
+    ) -> Result<Pool, Error> {
+        let capacity = capacity.min(device.limits().max_compute_work_group_count[0].saturating_mul(workgroup_size));
+        let mut arrays = Vec::new();
+        let mut array = |name: &str, bytes: u64, wanted: bool| -> Result<u64, Error> {
+            if !wanted {
+                return Ok(0);
+            }
+            let buffer = Buffer::new(device, name, bytes * u64::from(capacity), Memory::Device)?;
+            let address = buffer.address();
+            arrays.push(buffer);
+            Ok(address)
+        };
+        let lights = features.has_lights();
+        let bounces = u64::from(settings.max_depth) + 1;
+        let empty = QueueCounter { groups: [0, 1, 1], count: 0 };
+        let empty_counters = Buffer::with_data(
+            device,
+            "empty queue counters",
+            &vec![empty; (bounces * u64::from(QUEUE_COUNT)) as usize],
+        )?;
+        let counters = Buffer::new(device, "queue counters", empty_counters.size(), Memory::Device)?;
+        let table = PathPool {
+            origin: array("ray origins", 16, true)?,
+            direction: array("ray directions", 16, true)?,
+            throughput: array("throughputs", 16, true)?,
+            radiance: array("radiances", 16, true)?,
+            hit: array("hits", 8, true)?,
+            key: array("sample keys", 8, true)?,
+            shadow_origin: array("shadow ray origins", 16, lights)?,
+            shadow_direction: array("shadow ray directions", 16, lights)?,
+            shadow_path: array("shadow ray paths", 8, lights)?,
+            first_albedo: array("first albedos", 16, settings.features)?,
+            first_normal: array("first normals", 16, settings.features)?,
+            queue: array("queues", 4 * u64::from(QUEUE_COUNT), true)?,
+            counters: counters.address(),
+            capacity,
+            padding: 0,
+        };
+        let table = Buffer::with_data(device, "path pool", &[table])?;
+        Ok(Pool { capacity, table, counters, empty_counters, _arrays: arrays })
+    }
+
+    /// Paths in flight.
+    pub fn capacity(&self) -> u32 {
+        self.capacity
+    }
+
+    /// Where the kernels find the pool.
+    pub fn table_address(&self) -> u64 {
+        self.table.address()
+    }
+
+    /// Empties all queues of all bounces.
+    pub fn record_reset(&self, commands: &mut Commands) {
+        commands.copy(&self.empty_counters, 0, &self.counters, 0, self.counters.size());
+    }
+
+    /// The indirect dispatch of a queue: its buffer and offset in bytes.
+    pub fn counter(&self, bounce: u32, queue: Queue) -> (&Buffer, u64) {
+        let index = u64::from(bounce) * u64::from(QUEUE_COUNT) + u64::from(queue.index());
+        (&self.counters, index * size_of::<QueueCounter>() as u64)
+    }
+}

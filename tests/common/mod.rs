@@ -1,0 +1,187 @@
+//! What tests of renderers share: the drivers that are installed, small scenes built in code, and a way to render them.
+#![allow(dead_code)] // each test file uses a part of it
+
+pub mod gpu_structs;
+
+use std::sync::Arc;
+
+use glam::{Affine3A, Vec2, Vec3};
+use neubrdf::gpu::{Device, DeviceChoice, Instance, Validation};
+use neubrdf::image::{Picture, plane};
+use neubrdf::render::{Limits, Options, Renderer, Settings, run};
+use neubrdf::scene::{Camera, Color, Environment, Film, Fresnel, Instance as Placed, Material, Mesh, Scene, Surface};
+
+/// The names by which the two CPU drivers are found.
+pub const LAVAPIPE: &str = "llvmpipe";
+pub const SWIFTSHADER: &str = "SwiftShader";
+
+/// A driver under synchronization validation; `finish` insists that the validation layer said nothing.
+pub struct Driver {
+    pub device: Arc<Device>,
+    instance: Arc<Instance>,
+}
+
+impl Driver {
+    pub fn finish(self) {
+        drop(self.device);
+        assert_eq!(self.instance.validation_messages(), Vec::<String>::new());
+    }
+}
+
+/// Whether a driver that is missing is a failure, not a reason to skip.
+fn drivers_are_required() -> bool {
+    std::env::var_os("NEUBRDF_REQUIRE_DRIVERS").is_some()
+}
+
+/// The driver of that name. Where it is missing the test is to be skipped, unless drivers are required.
+pub fn driver(name: &str) -> Option<Driver> {
+    let open = || -> Result<Driver, neubrdf::gpu::Error> {
+        let instance = Instance::new(Validation::Sync)?;
+        let device = instance.open(&DeviceChoice::Named(name.to_owned()))?;
+        Ok(Driver { device, instance })
+    };
+    match open() {
+        Ok(driver) => Some(driver),
+        Err(error) if drivers_are_required() => panic!("{name} is required here: {error}"),
+        Err(error) => {
+            eprintln!("skipped: {name}: {error}");
+            None
+        }
+    }
+}
+
+/// Runs a check on every fit device, and insists that the validation layer has nothing to say about it.
+///
+/// Without a loader or without the validation layer there is nothing to run on: the test says so and passes.
+pub fn on_every_device(check: impl Fn(&Arc<Device>)) {
+    let instance = match Instance::new(Validation::Sync) {
+        Ok(instance) => instance,
+        Err(error) if drivers_are_required() => panic!("a Vulkan driver is required here: {error}"),
+        Err(error) => return eprintln!("skipped: {error}"),
+    };
+    let reports = instance.devices().unwrap();
+    if reports.is_empty() {
+        eprintln!("skipped: no Vulkan device");
+    }
+    for report in reports {
+        if !report.missing.is_empty() {
+            eprintln!("skipped {}: it lacks {}", report.name, report.missing.join(", "));
+            continue;
+        }
+        eprintln!("on {} ({})", report.name, report.driver);
+        let device = instance.open(&DeviceChoice::Named(report.index.to_string())).unwrap();
+        check(&device);
+        assert_eq!(Arc::strong_count(&device), 1, "something of {} was not dropped", report.name);
+        drop(device);
+        assert_eq!(instance.validation_messages(), Vec::<String>::new(), "on {}", report.name);
+    }
+}
+
+/// Renders `samples` samples a pixel.
+pub fn render(device: &Arc<Device>, scene: &Scene, settings: &Settings, options: &Options, samples: u32) -> Picture {
+    let mut renderer = Renderer::new(device, scene, settings, options).unwrap();
+    let limits = Limits { samples, seconds: None, error: None };
+    run(&mut renderer, &limits, |_, _| std::ops::ControlFlow::Continue(())).unwrap();
+    assert_eq!(renderer.rejected_samples().unwrap(), 0, "samples that are not finite");
+    renderer.picture().unwrap().0
+}
+
+/// The beauty's bits.
+pub fn bits(picture: &Picture) -> Vec<[u32; 3]> {
+    picture.rgb(plane::BEAUTY).unwrap().iter().map(|pixel| pixel.map(f32::to_bits)).collect()
+}
+
+pub fn material(name: &str, surface: Surface) -> Material {
+    Material { name: name.into(), surface, emission: Vec3::ZERO, emits_both_sides: false }
+}
+
+pub fn diffuse(albedo: f32) -> Surface {
+    Surface::Diffuse { albedo: Color::constant(Vec3::splat(albedo)) }
+}
+
+pub fn conductor(f0: f32, alpha: f32) -> Surface {
+    Surface::Conductor { fresnel: Fresnel::Schlick { f0: Color::constant(Vec3::splat(f0)) }, alpha: Vec2::splat(alpha) }
+}
+
+pub fn lamp(radiance: f32) -> Material {
+    Material { emission: Vec3::splat(radiance), ..material("lamp", diffuse(0.0)) }
+}
+
+/// A quad a, b, c, d, counter-clockwise from its front.
+pub fn quad(corners: [Vec3; 4], material: u32) -> Mesh {
+    Mesh {
+        name: "quad".into(),
+        positions: corners.to_vec(),
+        triangles: vec![[0, 1, 2], [0, 2, 3]],
+        materials: vec![material],
+        ..Mesh::default()
+    }
+}
+
+/// A horizontal square about the origin, facing up.
+pub fn floor(half_side: f32, material: u32) -> Mesh {
+    let corner = |x: f32, z: f32| Vec3::new(x * half_side, 0.0, z * half_side);
+    quad([corner(-1.0, 1.0), corner(1.0, 1.0), corner(1.0, -1.0), corner(-1.0, -1.0)], material)
+}
+
+/// A UV sphere with smooth normals.
+pub fn sphere(center: Vec3, radius: f32, segments: u32, material: u32) -> Mesh {
+    let rows = segments / 2;
+    let mut mesh = Mesh { name: "sphere".into(), materials: vec![material], ..Mesh::default() };
+    for row in 0..=rows {
+        for column in 0..=segments {
+            let (theta, phi) = (
+                std::f32::consts::PI * row as f32 / rows as f32,
+                std::f32::consts::TAU * column as f32 / segments as f32,
+            );
+            let normal = Vec3::new(theta.sin() * phi.sin(), theta.cos(), theta.sin() * phi.cos());
+            mesh.positions.push(center + radius * normal);
+            mesh.normals.push(normal);
+            mesh.uvs.push(Vec2::new(column as f32 / segments as f32, 1.0 - row as f32 / rows as f32));
+        }
+    }
+    for row in 0..rows {
+        for column in 0..segments {
+            let upper = row * (segments + 1) + column;
+            let lower = upper + segments + 1;
+            if row > 0 {
+                mesh.triangles.push([upper, lower, upper + 1]);
+            }
+            if row + 1 < rows {
+                mesh.triangles.push([upper + 1, lower, lower + 1]);
+            }
+        }
+    }
+    mesh
+}
+
+/// Meshes where they are, seen from `eye` towards `target`.
+pub fn scene(meshes: Vec<Mesh>, materials: Vec<Material>, eye: Vec3, target: Vec3, film: [u32; 2]) -> Scene {
+    let instances = (0..meshes.len() as u32).map(|mesh| Placed { mesh, object_to_world: Affine3A::IDENTITY }).collect();
+    let up = if (target - eye).cross(Vec3::Y).length() < 1e-3 { Vec3::Z } else { Vec3::Y };
+    Scene {
+        camera: Camera { eye, target, up, vertical_fov_degrees: 40.0, lens: None },
+        film: Film { width: film[0], height: film[1] },
+        meshes,
+        instances,
+        materials,
+        textures: Vec::new(),
+        environment: None,
+        sun: None,
+    }
+}
+
+/// A floor, a sphere and a lamp: every kind of vertex in a few triangles.
+pub fn still_life(surface: Surface) -> Scene {
+    let at = |x: f32, y: f32, z: f32| Vec3::new(x, y, z);
+    let lamp_quad = quad([at(-0.5, 2.5, -0.5), at(0.5, 2.5, -0.5), at(0.5, 2.5, 0.5), at(-0.5, 2.5, 0.5)], 2);
+    let mut scene = scene(
+        vec![floor(3.0, 0), sphere(at(0.0, 0.8, 0.0), 0.7, 32, 1), lamp_quad],
+        vec![material("floor", diffuse(0.5)), material("ball", surface), lamp(10.0)],
+        at(0.0, 1.5, 5.0),
+        at(0.0, 0.7, 0.0),
+        [40, 30],
+    );
+    scene.environment = Some(Environment::constant(Vec3::new(0.2, 0.3, 0.5)));
+    scene
+}

@@ -1,0 +1,349 @@
+//! The wavefront path tracer: the same bits whatever the path to them, only the kernels that a scene needs, and radiance
+//! that is known in closed form.
+
+mod common;
+
+use std::ops::ControlFlow;
+
+use common::*;
+use glam::Vec3;
+use neubrdf::image::{Crop, Picture, plane};
+use neubrdf::render::{Checkpoint, Features, Limits, Options, Renderer, Sampler, Settings, Stopped, Traversal, run};
+use neubrdf::scene::{Environment, LightTable, Scene, Sun, Surface};
+
+fn settings() -> Settings {
+    Settings { max_depth: 6, seed: 7, ..Settings::default() }
+}
+
+fn bvh() -> Options {
+    Options { traversal: Some(Traversal::Bvh), pool_paths: None }
+}
+
+#[test]
+fn the_pool_size_does_not_change_a_bit() {
+    let Some(driver) = driver(LAVAPIPE) else { return };
+    let scene = still_life(conductor(0.9, 0.2));
+    let with_pool =
+        |paths| render(&driver.device, &scene, &settings(), &Options { pool_paths: Some(paths), ..bvh() }, 5);
+    let whole = with_pool(1 << 20);
+    for paths in [64, 999, 5000] {
+        assert!(with_pool(paths) == whole, "a pool of {paths} paths");
+    }
+    driver.finish();
+}
+
+#[test]
+fn a_pool_of_one_path_renders() {
+    let Some(driver) = driver(LAVAPIPE) else { return };
+    let mut scene = still_life(diffuse(0.5));
+    scene.film = neubrdf::scene::Film { width: 3, height: 2 };
+    let one = render(&driver.device, &scene, &settings(), &Options { pool_paths: Some(1), ..bvh() }, 3);
+    assert!(one == render(&driver.device, &scene, &settings(), &bvh(), 3));
+    driver.finish();
+}
+
+#[test]
+fn both_traversals_give_the_same_bits() {
+    let Some(driver) = driver(LAVAPIPE) else { return };
+    let scene = still_life(Surface::Dielectric { ior: 1.5, alpha: 0.0 });
+    let by = |traversal| {
+        render(&driver.device, &scene, &settings(), &Options { traversal: Some(traversal), pool_paths: None }, 8)
+    };
+    assert_eq!(bits(&by(Traversal::Bvh)), bits(&by(Traversal::RayQuery)));
+    driver.finish();
+}
+
+#[test]
+fn a_crop_is_a_part_of_the_picture() {
+    let Some(driver) = driver(LAVAPIPE) else { return };
+    let scene = still_life(diffuse(0.5));
+    let whole = bits(&render(&driver.device, &scene, &settings(), &bvh(), 4));
+    let crop = Crop { x: 11, y: 5, width: 17, height: 9 };
+    let part = bits(&render(&driver.device, &scene, &Settings { crop: Some(crop), ..settings() }, &bvh(), 4));
+    for y in 0..crop.height {
+        for x in 0..crop.width {
+            let inside = whole[((y + crop.y) * scene.film.width + x + crop.x) as usize];
+            assert_eq!(part[(y * crop.width + x) as usize], inside, "pixel {x}, {y}");
+        }
+    }
+    driver.finish();
+}
+
+#[test]
+fn a_resumed_render_ends_as_an_uninterrupted_one() {
+    let Some(driver) = driver(LAVAPIPE) else { return };
+    let directory = tempfile::tempdir().unwrap();
+    let path = directory.path().join("state");
+    let scene = still_life(conductor(0.9, 0.3));
+    let whole = render(&driver.device, &scene, &settings(), &bvh(), 21);
+    let limits = Limits { samples: 21, seconds: None, error: None };
+    for stop_at in [1, 3, 15] {
+        let mut first = Renderer::new(&driver.device, &scene, &settings(), &bvh()).unwrap();
+        let stopped = run(&mut first, &limits, |_, progress| {
+            if progress.samples >= stop_at { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+        });
+        assert_eq!(stopped.unwrap(), Stopped::Interrupted);
+        assert!(first.samples() < 21);
+        first.checkpoint().unwrap().write(&path).unwrap();
+
+        let mut second = Renderer::new(&driver.device, &scene, &settings(), &bvh()).unwrap();
+        second.restore(&Checkpoint::read(&path).unwrap()).unwrap();
+        run(&mut second, &limits, |_, _| ControlFlow::Continue(())).unwrap();
+        assert!(second.picture().unwrap().0 == whole, "stopped after {stop_at} samples");
+    }
+    driver.finish();
+}
+
+#[test]
+fn a_checkpoint_of_another_render_is_refused_by_name() {
+    let Some(driver) = driver(LAVAPIPE) else { return };
+    let scene = still_life(diffuse(0.5));
+    let checkpoint = Renderer::new(&driver.device, &scene, &settings(), &bvh()).unwrap().checkpoint().unwrap();
+    let refused = |scene: &Scene, settings: Settings| {
+        let mut other = Renderer::new(&driver.device, scene, &settings, &bvh()).unwrap();
+        other.restore(&checkpoint).unwrap_err().to_string()
+    };
+    assert!(refused(&scene, Settings { seed: 8, ..settings() }).contains("--seed 7"));
+    assert!(refused(&scene, Settings { sampler: Sampler::Pcg, ..settings() }).contains("--sampler sobol"));
+    assert!(refused(&still_life(diffuse(0.6)), settings()).contains("scene"));
+    driver.finish();
+}
+
+#[test]
+fn a_damaged_checkpoint_is_an_error() {
+    let Some(driver) = driver(LAVAPIPE) else { return };
+    let directory = tempfile::tempdir().unwrap();
+    let path = directory.path().join("state");
+    let scene = still_life(diffuse(0.5));
+    let checkpoint = Renderer::new(&driver.device, &scene, &settings(), &bvh()).unwrap().checkpoint().unwrap();
+    checkpoint.write(&path).unwrap();
+    let bytes = std::fs::read(&path).unwrap();
+    for length in (0..100).chain((100..bytes.len()).step_by(997)) {
+        std::fs::write(&path, &bytes[..length]).unwrap();
+        let message = Checkpoint::read(&path).unwrap_err().to_string();
+        assert!(message.contains("state"), "cut to {length} bytes: {message}");
+    }
+    for place in (0..bytes.len()).step_by(1009) {
+        let mut changed = bytes.clone();
+        changed[place] ^= 0x10;
+        std::fs::write(&path, changed).unwrap();
+        assert!(Checkpoint::read(&path).is_err(), "byte {place} changed");
+    }
+    driver.finish();
+}
+
+#[test]
+fn a_scene_builds_only_the_kernels_that_it_needs() {
+    let kernels = |scene: &Scene, settings: &Settings| {
+        let features = Features::of(scene, &LightTable::new(scene));
+        let plans = features.kernels(Traversal::Bvh, settings, 64);
+        plans.iter().map(|plan| plan.name).collect::<Vec<_>>()
+    };
+    let beauty = Settings { features: false, ..settings() };
+
+    let mut lamp_only = still_life(diffuse(0.5));
+    lamp_only.environment = None;
+    assert_eq!(
+        kernels(&lamp_only, &beauty),
+        ["generate", "trace_closest_bvh", "shade_diffuse", "trace_shadow_bvh", "resolve", "estimate_error"]
+    );
+    let sky_and_glass = still_life(Surface::Dielectric { ior: 1.5, alpha: 0.1 });
+    assert_eq!(
+        kernels(&sky_and_glass, &settings()),
+        [
+            "generate",
+            "trace_closest_bvh",
+            "first_hit",
+            "shade_miss",
+            "shade_diffuse",
+            "shade_dielectric",
+            "trace_shadow_bvh",
+            "resolve",
+            "estimate_error"
+        ]
+    );
+    let mut dark = lamp_only.clone();
+    dark.materials[2].emission = Vec3::ZERO;
+    assert_eq!(
+        kernels(&dark, &beauty),
+        ["generate", "trace_closest_bvh", "shade_diffuse", "resolve", "estimate_error"]
+    );
+}
+
+#[test]
+fn what_a_renderer_builds_is_what_its_plan_says() {
+    let Some(driver) = driver(LAVAPIPE) else { return };
+    let scene = still_life(conductor(0.8, 0.1));
+    let renderer = Renderer::new(&driver.device, &scene, &settings(), &bvh()).unwrap();
+    let plans = Features::of(&scene, &LightTable::new(&scene)).kernels(Traversal::Bvh, &settings(), 64);
+    assert_eq!(renderer.kernel_names(), plans.iter().map(|plan| plan.name).collect::<Vec<_>>());
+    driver.finish();
+}
+
+/// Every pixel within `tolerance` of `expected`, relative.
+fn assert_radiance(picture: &Picture, expected: f32, tolerance: f32, what: &str) {
+    for (index, pixel) in picture.rgb(plane::BEAUTY).unwrap().iter().enumerate() {
+        for value in pixel {
+            assert!(
+                (value - expected).abs() <= tolerance * expected,
+                "{what}: pixel {index} is {value}, not {expected}"
+            );
+        }
+    }
+}
+
+/// In a furnace of radiance 1 a lossless body cannot be seen.
+#[test]
+fn lossless_materials_vanish_in_the_white_furnace() {
+    let Some(driver) = driver(LAVAPIPE) else { return };
+    for (name, surface) in [
+        ("diffuse", diffuse(1.0)),
+        ("mirror", conductor(1.0, 0.0)),
+        ("smooth glass", Surface::Dielectric { ior: 1.5, alpha: 0.0 }),
+        ("no glass", Surface::Dielectric { ior: 1.0, alpha: 0.0 }),
+    ] {
+        let mut scene = scene(
+            vec![sphere(Vec3::ZERO, 1.0, 48, 0)],
+            vec![material(name, surface)],
+            Vec3::new(0.0, 0.0, 4.0),
+            Vec3::ZERO,
+            [24, 24],
+        );
+        // Flat shading: interpolated normals lose the light that they turn below the surface.
+        scene.meshes[0].normals.clear();
+        scene.environment = Some(Environment::constant(Vec3::ONE));
+        let settings = Settings { max_depth: 500, ..settings() };
+        let picture = render(&driver.device, &scene, &settings, &bvh(), 256);
+        let average = mean(&picture);
+        assert!((average - 1.0).abs() < 1e-3, "{name}: the mean is {average}");
+        let variances = picture.rgb(plane::VARIANCE).unwrap();
+        for (pixel, variance) in picture.rgb(plane::BEAUTY).unwrap().iter().zip(&variances) {
+            assert!(
+                (pixel[0] - 1.0).abs() < 1e-3 + 6.0 * variance[0].sqrt(),
+                "{name}: {pixel:?}, variance {variance:?}"
+            );
+        }
+    }
+    driver.finish();
+}
+
+/// A diffuse plane under a uniform sky shows its albedo.
+#[test]
+fn a_plane_under_the_sky_shows_its_albedo() {
+    let Some(driver) = driver(LAVAPIPE) else { return };
+    let mut scene = scene(
+        vec![floor(1e4, 0)],
+        vec![material("plane", diffuse(0.3))],
+        Vec3::new(0.0, 10.0, 0.0),
+        Vec3::ZERO,
+        [16, 16],
+    );
+    scene.environment = Some(Environment::constant(Vec3::splat(2.0)));
+    let picture = render(&driver.device, &scene, &settings(), &bvh(), 256);
+    let mean = mean(&picture);
+    assert!((mean - 0.6).abs() < 1e-3, "{mean}");
+    driver.finish();
+}
+
+/// Irradiance of a sphere light of radius r at distance d straight above a plane: π·L·(r/d)².
+#[test]
+fn a_sphere_light_over_a_plane_gives_its_closed_form() {
+    let Some(driver) = driver(LAVAPIPE) else { return };
+    let (radius, distance, radiance, albedo) = (0.5f32, 2.0f32, 5.0f32, 0.7f32);
+    let mut scene = scene(
+        vec![floor(10.0, 0), sphere(Vec3::new(0.0, distance, 0.0), radius, 128, 1)],
+        vec![material("plane", diffuse(albedo)), lamp(radiance)],
+        Vec3::new(3.0, 1.0, 0.0),
+        Vec3::ZERO,
+        [8, 8],
+    );
+    scene.camera.vertical_fov_degrees = 0.05;
+    let picture = render(&driver.device, &scene, &Settings { max_depth: 2, ..settings() }, &bvh(), 1024);
+    let expected = albedo * radiance * (radius / distance).powi(2);
+    let mean = mean(&picture);
+    assert!((mean / expected - 1.0).abs() < 3e-3, "{mean} against {expected}");
+    driver.finish();
+}
+
+/// The sun's irradiance falls with the cosine.
+#[test]
+fn the_sun_shines_with_the_cosine() {
+    let Some(driver) = driver(LAVAPIPE) else { return };
+    let mut scene =
+        scene(vec![floor(1.0, 0)], vec![material("plane", diffuse(0.5))], Vec3::new(0.0, 1.0, 0.5), Vec3::ZERO, [8, 8]);
+    scene.camera.vertical_fov_degrees = 1.0;
+    let direction = Vec3::new(1.0, 1.0, 0.0).normalize();
+    scene.sun = Some(Sun { direction, irradiance: Vec3::splat(3.0) });
+    let picture = render(&driver.device, &scene, &settings(), &bvh(), 1);
+    assert_radiance(&picture, 0.5 / std::f32::consts::PI * 3.0 * direction.y, 1e-5, "sunlit plane");
+    driver.finish();
+}
+
+/// 10⁸ samples of 0.5 average to exactly 0.5, and one more batch still counts.
+#[test]
+fn a_long_accumulation_loses_nothing() {
+    let Some(driver) = driver(LAVAPIPE) else { return };
+    let mut scene = scene(
+        vec![floor(1.0, 0)],
+        vec![material("unseen", diffuse(0.5))],
+        Vec3::new(0.0, 1.0, 0.0),
+        Vec3::new(0.0, 2.0, 0.0),
+        [4, 4],
+    );
+    scene.environment = Some(Environment::constant(Vec3::splat(0.5)));
+    let mut renderer = Renderer::new(&driver.device, &scene, &settings(), &bvh()).unwrap();
+    let mut checkpoint = renderer.checkpoint().unwrap();
+    checkpoint.samples = 100_000_000;
+    for pixel in &mut checkpoint.pixels {
+        pixel.sum = [5e7; 3];
+        pixel.square = [2.5e7; 3];
+    }
+    renderer.restore(&checkpoint).unwrap();
+    for _ in 0..100 {
+        renderer.render_pass(7).unwrap();
+    }
+    let (picture, metadata) = renderer.picture().unwrap();
+    assert_eq!(metadata.spp, 100_000_700);
+    assert!(picture.rgb(plane::BEAUTY).unwrap().iter().all(|pixel| *pixel == [0.5; 3]));
+    assert!(picture.rgb(plane::VARIANCE).unwrap().iter().flatten().all(|variance| *variance < 1e-15));
+    driver.finish();
+}
+
+/// SwiftShader, which has no ray query, renders the same picture as lavapipe but for rounding.
+#[test]
+fn the_second_driver_agrees() {
+    let (Some(lavapipe), Some(swiftshader)) = (driver(LAVAPIPE), driver(SWIFTSHADER)) else { return };
+    let scene = still_life(conductor(0.9, 0.2));
+    let one = render(&lavapipe.device, &scene, &settings(), &bvh(), 4);
+    let other = render(&swiftshader.device, &scene, &settings(), &bvh(), 4);
+    let (one, other) = (one.rgb(plane::BEAUTY).unwrap(), other.rgb(plane::BEAUTY).unwrap());
+    // The same random numbers: all but the few paths that rounding sends elsewhere are the same.
+    let same = one.iter().zip(&other).filter(|(a, b)| (0..3).all(|c| (a[c] - b[c]).abs() <= 1e-3 * (a[c] + b[c])));
+    let share = same.count() as f64 / one.len() as f64;
+    assert!(share > 0.97, "{share} of the pixels agree");
+    lavapipe.finish();
+    swiftshader.finish();
+}
+
+/// The estimate of the error falls as the error does, and `--error` ends a render.
+#[test]
+fn the_error_limit_ends_a_render() {
+    let Some(driver) = driver(LAVAPIPE) else { return };
+    let scene = still_life(diffuse(0.5));
+    let independent = Settings { sampler: Sampler::Pcg, ..settings() };
+    let mut renderer = Renderer::new(&driver.device, &scene, &independent, &bvh()).unwrap();
+    let limits = Limits { samples: 4096, seconds: None, error: Some(0.05) };
+    let mut last = f64::INFINITY;
+    let stopped = run(&mut renderer, &limits, |_, progress| {
+        last = progress.error.unwrap_or(last);
+        ControlFlow::Continue(())
+    });
+    assert_eq!(stopped.unwrap(), Stopped::Error);
+    assert!(last <= 0.05);
+    driver.finish();
+}
+
+fn mean(picture: &Picture) -> f32 {
+    let pixels = picture.rgb(plane::BEAUTY).unwrap();
+    (pixels.iter().flatten().map(|value| f64::from(*value)).sum::<f64>() / (3 * pixels.len()) as f64) as f32
+}
