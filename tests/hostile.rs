@@ -149,7 +149,7 @@ fn assert_valid(scene: &Scene) {
         assert!(color.texture.is_none_or(|texture| (texture as usize) < scene.textures.len()));
     };
     for material in &scene.materials {
-        assert!(material.emission.is_finite() && material.emission.min_element() >= 0.0);
+        assert!(material.emission.min_element() >= 0.0 && material.emission.max_element() <= 1e12);
         match &material.surface {
             Surface::Diffuse { albedo } => color(albedo),
             Surface::Conductor { fresnel, alpha } => {
@@ -174,7 +174,7 @@ fn assert_valid(scene: &Scene) {
     }
     if let Some(sky) = &scene.environment {
         assert!(sky.width > 0 && sky.texels.len() == sky.width as usize * sky.height as usize);
-        assert!(sky.texels.iter().all(|texel| texel.is_finite() && texel.min_element() >= 0.0));
+        assert!(sky.texels.iter().all(|texel| texel.min_element() >= 0.0 && texel.max_element() <= 1e12));
     }
 }
 

@@ -10,6 +10,7 @@ use half::f16;
 use image::ImageReader;
 
 use super::error::{Error, Place, Warning};
+use super::light::BRIGHTEST;
 use super::{Environment, Texture};
 
 /// Most texels that an image may have, so that a broken header is an error and not gigabytes of memory.
@@ -64,7 +65,7 @@ pub(super) fn environment(
     let (mut negative, mut unfit) = (0, None);
     let picture = read_exr(path, |x, y, color| {
         let radiance = color * scale;
-        if !radiance.is_finite() && unfit.is_none() {
+        if !(radiance.is_finite() && radiance.max_element() <= BRIGHTEST) && unfit.is_none() {
             unfit = Some((x, y, radiance));
         }
         negative += usize::from(radiance.cmplt(Vec3::ZERO).any());
@@ -81,7 +82,11 @@ pub(super) fn environment(
 }
 
 fn not_finite(path: &Path, x: usize, y: usize, color: Vec3) -> Error {
-    Error::unexpected(Place::file(path), format!("the colour {color} at ({x}, {y})"), "finite numbers")
+    Error::unexpected(
+        Place::file(path),
+        format!("the colour {color} at ({x}, {y})"),
+        format!("finite numbers of at most {BRIGHTEST:e}"),
+    )
 }
 
 fn to_half(color: Vec3) -> [f16; 4] {

@@ -8,6 +8,7 @@ use std::path::{Path, PathBuf};
 use glam::{Vec2, Vec3};
 
 use super::error::{Error, Place, Warning, quote};
+use super::light::BRIGHTEST;
 use super::obj::beside;
 use super::statements::{Fault, Statements, number};
 use super::{Color, Fresnel, Material, Surface};
@@ -254,6 +255,9 @@ fn check(statement: &str, named: bool, out: &mut String) -> Result<Option<String
                 None => [red, red],
                 Some(green) => [non_negative(&mut [green].into_iter())?, non_negative(&mut words)?],
             };
+            if red.max(green).max(blue) > BRIGHTEST {
+                return Err(Fault::new(quote(rest), format!("numbers of at most {BRIGHTEST:e}")));
+            }
             out.push_str(&format!("{keyword} {red} {green} {blue}\n"));
         }
         "Ns" | "Ni" | "Pr" | "Pm" | "aniso" => {

@@ -9,6 +9,7 @@ use glam::{Vec2, Vec3};
 
 use super::error::{Error, Place, quote};
 use super::mesh::LARGEST_COORDINATE;
+use super::polygon::{MOST_EARS, triangulate};
 use super::statements::{Fault, Statements, number};
 use super::{Mesh, mtl, normals};
 
@@ -66,6 +67,7 @@ impl Census {
         let (keyword, rest) = statement.split_once(char::is_whitespace).unwrap_or((statement, ""));
         let rest = rest.trim();
         let numbers = rest.split('#').next().unwrap_or_default();
+        let uncommented = numbers.len() == rest.len();
         let mut words = numbers.split_whitespace();
         match keyword {
             "v" => {
@@ -74,9 +76,10 @@ impl Census {
                     coordinate(&mut words).map_err(|fault| fault.of(format!("vertex {}", self.positions + 1)))?;
                 }
                 self.positions += 1;
-                match words.next() {
-                    None => push_line(out, statement),
-                    Some(_) => push_words(out, "v", numbers, 3),
+                if words.next().is_none() && uncommented {
+                    push_line(out, statement);
+                } else {
+                    push_words(out, "v", numbers, 3);
                 }
             }
             "vt" => {
@@ -103,7 +106,7 @@ impl Census {
                 if corners < 3 {
                     return Err(Fault::new(format!("a face of {corners} corners"), "at least 3"));
                 }
-                if numbers.len() == rest.len() {
+                if uncommented {
                     push_line(out, statement);
                 } else {
                     push_words(out, "f", numbers, usize::MAX);
@@ -198,7 +201,7 @@ pub(super) fn load(path: &Path, normals: Normals, library: &mut mtl::Library) ->
     let mut census = Census::default();
     let check = |line: usize, statement: &str, out: &mut String| census.check(line, statement, out);
     let mut statements = Statements::new(path, BufReader::with_capacity(1 << 16, file), check);
-    let options = tobj::LoadOptions { single_index: true, triangulate: true, ..Default::default() };
+    let options = tobj::LoadOptions { single_index: true, ..Default::default() };
     let models = match tobj::load_obj_buf(&mut statements, &options, numbered_library) {
         Ok((models, _)) => models,
         Err(error) => return Err(statements.into_error(error)),
@@ -281,8 +284,23 @@ fn convert(model: tobj::Mesh, material: u32, path: &Path, library: &mut mtl::Lib
     if partly(normals.len(), "normals") {
         normals = Vec::new();
     }
-    let triangles: Vec<[u32; 3]> =
-        model.indices.chunks_exact(3).map(|corners| [corners[0], corners[1], corners[2]]).collect();
+    let mut triangles = Vec::new();
+    if model.face_arities.is_empty() {
+        triangles = model.indices.chunks_exact(3).map(|corners| [corners[0], corners[1], corners[2]]).collect();
+    } else {
+        let mut rest = &model.indices[..];
+        let mut approximate = 0;
+        for &arity in &model.face_arities {
+            let (polygon, others) = rest.split_at(arity as usize);
+            rest = others;
+            approximate += usize::from(!triangulate(polygon, &positions, &mut triangles));
+        }
+        if approximate > 0 {
+            let message =
+                format!("{approximate} polygons of more than {MOST_EARS} corners are cut as if they were convex");
+            library.warn(Place::file(path), message);
+        }
+    }
     let materials = vec![material; triangles.len()];
     Mesh { name: String::new(), positions, normals, uvs, triangles, materials }
 }
