@@ -16,4 +16,19 @@ vec2 unit_circle(float u) {
     return (turn & 2u) != 0u ? -point : point;
 }
 
+// atan(y, x) / 2π in [-1/2, 1/2], to 2e-8. Vulkan's own may be off by 4096 ulp, more than a part of a sky texel. After Cephes, atanf.c.
+float turn_of(float y, float x) {
+    float least = min(abs(x), abs(y));
+    float most = max(abs(x), abs(y));
+    // Beyond tan(π/8): atan(r) = π/4 + atan((r - 1) / (r + 1)).
+    bool is_wide = least > 0.4142135624 * most;
+    float ratio = is_wide ? (least - most) / (least + most) : least / max(most, 1e-30);
+    float z = ratio * ratio;
+    float angle = ratio + ratio * z * (-3.33329491539e-1 + z * (1.99777106478e-1 + z * (-1.38776856032e-1 + z * 8.05374449538e-2)));
+    float turn = angle * (0.5 * INV_PI) + (is_wide ? 0.125 : 0.0);
+    turn = abs(y) > abs(x) ? 0.25 - turn : turn;
+    turn = x < 0.0 ? 0.5 - turn : turn;
+    return y < 0.0 ? -turn : turn;
+}
+
 #endif
