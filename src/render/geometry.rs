@@ -142,7 +142,13 @@ impl Geometry {
     /// on CPU drivers, and how deep the stack is.
     pub fn specialization(&self) -> [(u32, u32); 2] {
         let is_packet = self.is_cpu && [4, 8, 16, 32].contains(&self.subgroup_size);
-        let packet = if std::env::var("ALONE").is_ok() { 0 } else if is_packet { self.subgroup_size } else { 0 };
+        let packet = if std::env::var("ALONE").is_ok() {
+            0
+        } else if is_packet {
+            self.subgroup_size
+        } else {
+            0
+        };
         [(10, packet), (11, self.stack.next_multiple_of(packet.max(8)))]
     }
 
