@@ -81,14 +81,28 @@ fn a_bare_obj_renders() {
     let (directory, obj) = bare_obj();
     let (exr, png) = (directory.path().join("out.exr"), directory.path().join("out.png"));
     let statistics = succeed(&[
-        "render", text(&obj), "-o", text(&exr), "--png", text(&png), "--spp", "4", "--size", "32x24", "--quiet", "--stats", "json",
+        "render",
+        text(&obj),
+        "-o",
+        text(&exr),
+        "--png",
+        text(&png),
+        "--spp",
+        "4",
+        "--size",
+        "32x24",
+        "--quiet",
+        "--stats",
+        "json",
     ]);
     let statistics: serde_json::Value = serde_json::from_str(&statistics).unwrap();
     assert_eq!(statistics["spp"], 4);
     assert_eq!(statistics["stopped"], "samples");
     let (picture, metadata) = read_exr(&exr).unwrap();
     assert_eq!((picture.width, picture.height, metadata.spp), (32, 24, 4));
-    for name in plane::BEAUTY.iter().chain(&plane::VARIANCE).chain(&plane::ALBEDO).chain(&plane::NORMAL).chain([&plane::DEPTH]) {
+    for name in
+        plane::BEAUTY.iter().chain(&plane::VARIANCE).chain(&plane::ALBEDO).chain(&plane::NORMAL).chain([&plane::DEPTH])
+    {
         assert!(picture.f32(name).is_some(), "{name}");
     }
     for name in [plane::PRIMITIVE_ID, plane::MATERIAL_ID, plane::SAMPLES] {
@@ -108,7 +122,8 @@ fn an_interrupted_render_resumes_to_the_same_file() {
     let (directory, obj) = bare_obj();
     let path = |name: &str| directory.path().join(name);
     let render = |spp: &str, out: &Path, more: &[&str]| {
-        let mut arguments = vec!["render", text(&obj), "--size", "24x24", "--quiet", "--seed", "5", "--spp", spp, "-o", text(out)];
+        let mut arguments =
+            vec!["render", text(&obj), "--size", "24x24", "--quiet", "--seed", "5", "--spp", spp, "-o", text(out)];
         arguments.extend(more);
         succeed(&arguments);
         let (picture, mut metadata) = read_exr(out).unwrap();
@@ -121,7 +136,17 @@ fn an_interrupted_render_resumes_to_the_same_file() {
     render("5", &path("part.exr"), &["--checkpoint", text(&state)]);
     let resumed = render("12", &path("resumed.exr"), &["--checkpoint", text(&state), "--resume"]);
     assert!(whole == resumed);
-    let message = fail(&["render", text(&obj), "--size", "25x24", "--checkpoint", text(&state), "--resume", "-o", text(&path("x.exr"))]);
+    let message = fail(&[
+        "render",
+        text(&obj),
+        "--size",
+        "25x24",
+        "--checkpoint",
+        text(&state),
+        "--resume",
+        "-o",
+        text(&path("x.exr")),
+    ]);
     assert!(message.contains("film width 24"), "{message}");
 }
 
@@ -154,7 +179,19 @@ fn compare_exits_by_its_thresholds() {
     let path = |name: &str| directory.path().join(name);
     for (name, seed) in [("a.exr", "1"), ("b.exr", "2")] {
         succeed(&[
-            "render", text(&obj), "-o", text(&path(name)), "--spp", "8", "--size", "32x24", "--quiet", "--seed", seed, "--sampler", "pcg",
+            "render",
+            text(&obj),
+            "-o",
+            text(&path(name)),
+            "--spp",
+            "8",
+            "--size",
+            "32x24",
+            "--quiet",
+            "--seed",
+            seed,
+            "--sampler",
+            "pcg",
         ]);
     }
     let (a, b, difference) = (path("a.exr"), path("b.exr"), path("difference.png"));

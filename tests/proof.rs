@@ -87,7 +87,10 @@ fn every_shipped_scene_agrees_with_embree_by_ray_query() {
 
 #[test]
 fn the_second_driver_agrees_with_embree() {
-    let scenes: Vec<_> = shipped().into_iter().filter(|path| path.ends_with("cornell/scene.toml") || path.ends_with("still_life/scene.toml")).collect();
+    let scenes: Vec<_> = shipped()
+        .into_iter()
+        .filter(|path| path.ends_with("cornell/scene.toml") || path.ends_with("still_life/scene.toml"))
+        .collect();
     assert_eq!(scenes.len(), 2);
     prove(SWIFTSHADER, &[Traversal::Bvh], &scenes);
 }
