@@ -84,8 +84,9 @@ impl<'a, R: BufRead, F: FnMut(usize, &str, &mut String) -> Result<(), Fault>> St
             self.line += 1;
             let end = self.raw.trim_ascii_end().len();
             self.raw.truncate(end.max(start));
+            let comment = self.raw.trim_ascii_start().first() == Some(&b'#');
             match self.raw.last_mut() {
-                Some(last @ b'\\') => *last = b' ',
+                Some(last @ b'\\') if !comment => *last = b' ',
                 _ => break,
             }
         }
