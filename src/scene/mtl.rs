@@ -26,6 +26,7 @@ pub(super) struct Library {
 }
 
 /// A material of an MTL file.
+#[derive(Clone)]
 struct Definition {
     place: Place,
     material: tobj::Material,
@@ -107,12 +108,8 @@ impl Library {
     /// Adds the material of a name in an OBJ file. Returns its index.
     pub fn material(&mut self, obj: &Path, name: &str) -> u32 {
         let index = self.materials.len() as u32;
-        let material = match self.definitions.remove(name) {
-            Some(definition) => {
-                let material = self.interpret(&definition);
-                self.definitions.insert(name.to_owned(), definition);
-                material
-            }
+        let material = match self.definitions.get(name).cloned() {
+            Some(definition) => self.interpret(&definition),
             None => {
                 self.undefined.push((index, obj.to_owned()));
                 default_material(name)
