@@ -1,6 +1,5 @@
 //! Image files to linear Rec. 709 texels: PNG and JPEG (taken as sRGB) and OpenEXR (taken as linear).
 
-use std::fs::File;
 use std::io::Read;
 use std::path::Path;
 
@@ -9,7 +8,7 @@ use glam::Vec3;
 use half::f16;
 use image::ImageReader;
 
-use super::error::{Error, Place, Warning};
+use super::error::{Error, Place, Warning, open};
 use super::light::BRIGHTEST;
 use super::{Environment, Texture};
 
@@ -95,8 +94,9 @@ fn to_half(color: Vec3) -> [f16; 4] {
 
 fn is_exr(path: &Path, named_by: &Place) -> Result<bool, Error> {
     let mut magic = Vec::new();
-    File::open(path)
-        .and_then(|file| file.take(4).read_to_end(&mut magic))
+    open(path, Some(named_by))?
+        .take(4)
+        .read_to_end(&mut magic)
         .map_err(|source| Error::read(path, Some(named_by), source))?;
     Ok(magic == [0x76, 0x2f, 0x31, 0x01])
 }
