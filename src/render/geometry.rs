@@ -52,6 +52,7 @@ crate::shared_structs! {
 /// The uploaded geometry.
 pub struct Geometry {
     instances: Buffer,
+    /// Addresses of the mesh records.
     meshes: Buffer,
     /// The tree over instances.
     nodes: Option<Buffer>,
@@ -106,9 +107,12 @@ impl Geometry {
                 mesh: instance.mesh,
             })
             .collect();
+        let first = uploader.upload("mesh records", &records)?;
+        let meshes: Vec<u64> =
+            (0..records.len()).map(|index| first + (index * size_of::<MeshRecord>()) as u64).collect();
         Ok(Geometry {
             instances: Buffer::with_data(device, "instances", &instances)?,
-            meshes: Buffer::with_data(device, "meshes", &records)?,
+            meshes: Buffer::with_data(device, "meshes", &meshes)?,
             nodes,
             tlas,
             stack,
@@ -138,10 +142,11 @@ impl Geometry {
         self.tlas.as_ref()
     }
 
-    /// What a kernel that includes `lib/trace_bvh.glsl` is to be specialized with, as (id, value): subgroups walk as packets
-    /// on CPU drivers, and how deep the stack is.
-    pub fn specialization(&self) -> [(u32, u32); 2] {
+    /// What a kernel that includes `lib/trace_bvh.glsl` is to be specialized with, as (id, value): whether subgroups walk as
+    /// packets, of how many lanes, and how deep the stack is. They do so on CPU drivers.
+    pub fn specialization(&self) -> [(u32, u32); 3] {
         let is_packet = self.is_cpu && [4, 8, 16, 32].contains(&self.subgroup_size);
+<<<<<<< HEAD
         let packet = if std::env::var("ALONE").is_ok() {
             0
         } else if is_packet {
@@ -150,6 +155,11 @@ impl Geometry {
             0
         };
         [(10, packet), (11, self.stack.next_multiple_of(packet.max(8)))]
+=======
+        let lanes = if is_packet { self.subgroup_size } else { 32 };
+        let stack_words = if is_packet { self.stack.div_ceil(lanes) } else { self.stack };
+        [(10, u32::from(is_packet)), (11, lanes), (12, stack_words)]
+>>>>>>> traversal
     }
 
     /// Bytes of device memory, acceleration structures of the driver's excepted.
