@@ -38,6 +38,12 @@ crate::shared_structs! {
         pub padding: u32,
     }
 
+    /// Where the record of a mesh is.
+    pub struct MeshPointer {
+        /// Its address.
+        pub record: u64,
+    }
+
     /// A mesh that stands in the world. Matrices are column by column.
     pub struct InstanceRecord {
         /// Object to world.
@@ -108,8 +114,8 @@ impl Geometry {
             })
             .collect();
         let first = uploader.upload("mesh records", &records)?;
-        let meshes: Vec<u64> =
-            (0..records.len()).map(|index| first + (index * size_of::<MeshRecord>()) as u64).collect();
+        let pointer = |index| MeshPointer { record: first + (index * size_of::<MeshRecord>()) as u64 };
+        let meshes: Vec<MeshPointer> = (0..records.len()).map(pointer).collect();
         Ok(Geometry {
             instances: Buffer::with_data(device, "instances", &instances)?,
             meshes: Buffer::with_data(device, "meshes", &meshes)?,
@@ -146,20 +152,9 @@ impl Geometry {
     /// packets, of how many lanes, and how deep the stack is. They do so on CPU drivers.
     pub fn specialization(&self) -> [(u32, u32); 3] {
         let is_packet = self.is_cpu && [4, 8, 16, 32].contains(&self.subgroup_size);
-<<<<<<< HEAD
-        let packet = if std::env::var("ALONE").is_ok() {
-            0
-        } else if is_packet {
-            self.subgroup_size
-        } else {
-            0
-        };
-        [(10, packet), (11, self.stack.next_multiple_of(packet.max(8)))]
-=======
         let lanes = if is_packet { self.subgroup_size } else { 32 };
         let stack_words = if is_packet { self.stack.div_ceil(lanes) } else { self.stack };
         [(10, u32::from(is_packet)), (11, lanes), (12, stack_words)]
->>>>>>> traversal
     }
 
     /// Bytes of device memory, acceleration structures of the driver's excepted.
