@@ -339,7 +339,7 @@ fn absurd_image_sizes_are_errors() {
         assert!(message.contains("a.jpg"), "{message}");
     }
     // Sizes within the limits, of which the file holds next to nothing.
-    for (width, height) in [(1000, 1000), (1 << 20, 1), (1, 1 << 20)] {
+    for (width, height) in [(1000, 1000), (1 << 20, 1), (1, 1 << 20), (16_000_000, 4)] {
         assert!(folder.load_with("a.png", &png_header(width, height)).unwrap_err().contains("a.png"));
         assert!(
             folder.load_with("a.exr", &exr_of_size(&exr, width as i32, height as i32)).unwrap_err().contains("a.exr")
@@ -363,7 +363,7 @@ fn missing_files_and_folders_in_their_place_are_errors() {
         let message = load(&folder.path("a.toml")).unwrap_err();
         assert!(message.contains(name) && message.contains("cannot be read"), "{message}");
     }
-    for missing in ["", "/", "nowhere/to/be.obj", "nul\0.obj"] {
+    for missing in ["", "/", "/dev/zero", "nowhere/to/be.obj", "nul\0.obj"] {
         assert!(load(Path::new(missing)).unwrap_err().contains("cannot be read"), "{missing}");
     }
 }
@@ -375,6 +375,8 @@ fn material_files_that_include_are_errors() {
     assert!(message.contains("a.obj:1"), "{message}");
     let message = folder.load_with("a.mtl", format!("{MTL}mtllib a.mtl\n").as_bytes()).unwrap_err();
     assert!(message.contains("a.mtl") && message.contains("a statement of an OBJ file"), "{message}");
+    let message = folder.load_with("a.obj", b"mtllib /\n").unwrap_err();
+    assert!(message.contains("/: cannot be read") && message.contains("named by") && message.contains("a.obj:1"));
     let message = folder.load_with("a.obj", b"mtllib\n").unwrap_err();
     assert!(message.contains("a.obj:1"), "{message}");
     // A file may be named twice.

@@ -113,7 +113,9 @@ fn objects_and_materials_of_a_file_become_one_mesh() {
 
 #[test]
 fn continuation_lines_comments_colours_and_windows_line_ends_are_read() {
-    let (scene, _) = obj("# \u{fffd}\r\nv 0 0 0 1 0 0\r\nv 1 0 0 1\r\nv 0 1 0 # third\r\nf 1 2 \\\r\n3 # done\r\n");
+    let (scene, _) = obj(
+        "# C:\\models\\\r\n# \u{fffd}\r\nv 0 0 0 1 0 0\r\nv 1 0 0 1\r\nv 0 1 0 # third\r\nf 1 2 \\\r\n3 # done\r\n",
+    );
     assert_eq!(triangles(&scene.meshes[0]), [[Vec3::ZERO, Vec3::X, Vec3::Y]]);
 }
 

@@ -44,7 +44,8 @@ struct LeafTriangle {
 const uint LEAF_TRIANGLE_WORDS = 10u;
 layout(buffer_reference, scalar, buffer_reference_align = 4) readonly buffer LeafTriangleArray { LeafTriangle at[]; };
 
-struct MeshRecord {
+// A reference, not a struct: SwiftShader's compiler dies of copies of structs that hold references.
+layout(buffer_reference, scalar, buffer_reference_align = 8) readonly buffer MeshRecord {
     Vec3Array positions;
     Vec3Array normals;
     Vec2Array uvs;

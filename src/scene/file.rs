@@ -1,13 +1,12 @@
 //! Scene files: TOML beside OBJ, as docs/scenes.md describes it, or a bare OBJ file.
 
 use std::collections::HashMap;
-use std::fs::File;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
 use glam::{Affine3A, EulerRot, Mat3, Quat, Vec2, Vec3};
 
-use super::error::{Error, Place, Warning, nearest};
+use super::error::{Error, Place, Warning, nearest, open};
 use super::light::BRIGHTEST;
 use super::mesh::{self, LARGEST_COORDINATE};
 use super::mtl::Library;
@@ -76,8 +75,9 @@ fn load_scene_file(path: &Path) -> Result<(Scene, Vec<Warning>), Error> {
 
 fn read_text(path: &Path) -> Result<String, Error> {
     let mut bytes = Vec::new();
-    File::open(path)
-        .and_then(|file| file.take(LONGEST_FILE + 1).read_to_end(&mut bytes))
+    open(path, None)?
+        .take(LONGEST_FILE + 1)
+        .read_to_end(&mut bytes)
         .map_err(|source| Error::read(path, None, source))?;
     if bytes.len() as u64 > LONGEST_FILE {
         let found = format!("more than {} MiB", LONGEST_FILE >> 20);

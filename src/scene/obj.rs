@@ -1,13 +1,12 @@
 //! Wavefront OBJ files, through `tobj`.
 
 use std::collections::HashMap;
-use std::fs::File;
 use std::io::BufReader;
 use std::path::{Path, PathBuf};
 
 use glam::{Vec2, Vec3};
 
-use super::error::{Error, Place, quote};
+use super::error::{Error, Place, open, quote};
 use super::mesh::LARGEST_COORDINATE;
 use super::polygon::{MOST_EARS, triangulate};
 use super::statements::{Fault, Statements, number};
@@ -197,10 +196,10 @@ fn coordinate<'a>(words: &mut impl Iterator<Item = &'a str>) -> Result<(), Fault
 
 /// Reads an OBJ file into one mesh. Its materials and their textures go to `library`.
 pub(super) fn load(path: &Path, normals: Normals, library: &mut mtl::Library) -> Result<Mesh, Error> {
-    let file = File::open(path).map_err(|source| Error::read(path, None, source))?;
+    let file = open(path, None)?;
     let mut census = Census::default();
     let check = |line: usize, statement: &str, out: &mut String| census.check(line, statement, out);
-    let mut statements = Statements::new(path, BufReader::with_capacity(1 << 16, file), check);
+    let mut statements = Statements::new(path, None, BufReader::with_capacity(1 << 16, file), check);
     let options = tobj::LoadOptions { single_index: true, ..Default::default() };
     let models = match tobj::load_obj_buf(&mut statements, &options, numbered_library) {
         Ok((models, _)) => models,
