@@ -44,7 +44,8 @@ struct LeafTriangle {
 const uint LEAF_TRIANGLE_WORDS = 10u;
 layout(buffer_reference, scalar, buffer_reference_align = 4) readonly buffer LeafTriangleArray { LeafTriangle at[]; };
 
-struct MeshRecord {
+// A reference, not a struct: SwiftShader's compiler dies of copies of structs that hold references.
+layout(buffer_reference, scalar, buffer_reference_align = 8) readonly buffer MeshRecord {
     Vec3Array positions;
     Vec3Array normals;
     Vec2Array uvs;
@@ -55,7 +56,9 @@ struct MeshRecord {
     uint material;
     uint padding;
 };
-layout(buffer_reference, scalar, buffer_reference_align = 8) readonly buffer MeshArray { MeshRecord at[]; };
+layout(buffer_reference, scalar, buffer_reference_align = 8) readonly buffer MeshArray {
+    uvec2 at[];    // each a MeshRecord: an unsized array of references makes glslang ask for descriptor arrays
+};
 
 struct InstanceRecord {
     mat4x3 object_to_world;

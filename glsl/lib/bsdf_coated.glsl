@@ -11,7 +11,7 @@ struct Bsdf {
     float base_scale;  // 1 / (1 - average albedo of the coat)
     float excess;      // η² - 1 of the coat
     float alpha;       // of the coat; 0: smooth
-    CoatTable coat;
+    uvec2 coat;        // address of its CoatTable: SwiftShader crashes on a reference inside a struct that is constructed
 };
 
 Bsdf bsdf_make(MaterialRecord material, vec3 color) {
@@ -28,7 +28,8 @@ vec2 coat_split(Bsdf b, float cosine) {
     if (b.alpha == 0.0) return fresnel_dielectric(min(cosine, 1.0), b.excess);
     float position = sqrt(sqrt(clamp(cosine, 0.0, 1.0))) * float(COAT_TABLE_LENGTH - 1u);
     uint cell = min(uint(position), COAT_TABLE_LENGTH - 2u);
-    float reflected = mix(b.coat.albedo[cell], b.coat.albedo[cell + 1u], position - float(cell));
+    CoatTable table = CoatTable(b.coat);
+    float reflected = mix(table.albedo[cell], table.albedo[cell + 1u], position - float(cell));
     return vec2(reflected, 1.0 - reflected);
 }
 

@@ -6,7 +6,7 @@
 #ifndef LIB_GGX_GLSL
 #define LIB_GGX_GLSL
 
-#include "lib/constants.glsl"
+#include "lib/circle.glsl"
 
 // s(w).
 float ggx_stretch(vec3 w, vec2 alpha) {
@@ -28,8 +28,7 @@ vec3 ggx_sample(vec3 wo, vec2 alpha, vec2 u) {
     float below = u.x * (1.0 + stretched.z);
     float half_z = (1.0 - u.x) * (1.0 + stretched.z);
     float sine = sqrt(below * max(2.0 - below, 0.0));
-    float phi = TWO_PI * u.y;
-    vec2 half_xy = sine * vec2(cos(phi), sin(phi)) + stretched.xy;
+    vec2 half_xy = sine * unit_circle(u.y) + stretched.xy;
     return normalize(vec3(alpha * half_xy, half_z));
 }
 

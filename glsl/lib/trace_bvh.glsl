@@ -17,38 +17,43 @@
 #include "layout/scene.glsl"
 #include "lib/triangle.glsl"
 
-// Invocations of a subgroup, which then walk together: a power of two in [4, 32]; 0 lets each walk on its own.
-layout(constant_id = 10) const uint PACKET = 0u;
-// Entries that the stack needs at most, a multiple of PACKET.
-layout(constant_id = 11) const uint STACK_SIZE = 64u;
-
-const bool IS_PACKET = PACKET != 0u;
-const uint LANES = IS_PACKET ? PACKET : 32u;
-const uint STACK_WORDS = IS_PACKET ? STACK_SIZE / LANES : STACK_SIZE;
+layout(constant_id = 10) const bool IS_PACKET = false;
+// Invocations of a subgroup, if it walks as a packet: 4, 8, 16 or 32. (Select operations on specialization constants, and
+// arrays sized by them, are more than SwiftShader's compiler survives.)
+layout(constant_id = 11) const uint LANES = 32u;
+// Words of the stack: entries, or in a packet entries / LANES; entries are at most 96.
+layout(constant_id = 12) const uint STACK_WORDS = 96u;
 
 // What follows the last node: a leaf that no tree has.
 const uint END = BVH_LEAF | 7u << BVH_LEAF_COUNT_SHIFT;
 
-// Far ends of boxes are moved out by 1 + 2γ(3), so that rounding loses no hit (Ize, "Robust BVH Ray Traversal", JCGT
-// 2013).
-const float FAR_SLACK = 1.0000004;
+// The near ends of boxes are drawn in by 1 - 2γ(3), so that rounding loses no hit (after Ize, "Robust BVH Ray Traversal",
+// JCGT 2013, who moves the far ends out; this way it holds against the ray's end too).
+const float NEAR_SLACK = 1.0 - 3.6e-7;
 
-// A ray made ready for box tests.
+// A ray's end, so that no ray reaches the boxes at +∞ of children that are not there.
+const float FARTHEST = 3.4e38;
+
+// A ray made ready for box tests. Along an axis that it is parallel to it is as wide as its origin's rounding, so that it
+// meets the boxes that it touches; 1/d is large there, but finite, so that no product with it is 0·∞.
 struct BoxRay {
-    vec3 origin;
-    vec3 near_scale;    // 1/d, but finite, so that no product with it is 0·∞
-    vec3 far_scale;
+    vec3 near_origin;
+    vec3 far_origin;
+    vec3 near_scale;
+    vec3 far_scale;     // 1/d
     bvec3 is_negative;
     uint octant;        // of the direction, or of that of the packet's first ray
 };
 
 BoxRay box_ray(vec3 origin, vec3 direction) {
     BoxRay ray;
-    ray.origin = origin;
-    vec3 huge = uintBitsToFloat(floatBitsToUint(direction) & 0x80000000u | floatBitsToUint(1e18));
-    ray.near_scale = mix(1.0 / direction, huge, lessThan(abs(direction), vec3(1e-18)));
-    ray.far_scale = ray.near_scale * FAR_SLACK;
-    ray.is_negative = lessThan(ray.near_scale, vec3(0.0));
+    bvec3 is_parallel = lessThan(abs(direction), vec3(1e-18));
+    vec3 width = mix(vec3(0.0), abs(origin) * 3e-7 + 1e-18, is_parallel);
+    ray.near_origin = origin + width;
+    ray.far_origin = origin - width;
+    ray.far_scale = mix(1.0 / direction, vec3(1e30), is_parallel);
+    ray.near_scale = ray.far_scale * NEAR_SLACK;
+    ray.is_negative = lessThan(ray.far_scale, vec3(0.0));
     ray.octant = uint(ray.is_negative.x) | uint(ray.is_negative.y) << 1 | uint(ray.is_negative.z) << 2;
     if (IS_PACKET) {
         ray.octant = subgroupShuffle(ray.octant, 0u);
@@ -56,6 +61,8 @@ BoxRay box_ray(vec3 origin, vec3 direction) {
     return ray;
 }
 
+// Of a number and something that is none, these take the number if that is the second. In a box test that is t_max: a ray
+// that ends before it starts meets no box, whatever its other numbers are.
 float larger(float a, float b) {
     return a > b ? a : b;
 }
@@ -65,14 +72,14 @@ float smaller(float a, float b) {
 }
 
 bool meets_box(BoxRay ray, vec3 lower, vec3 upper, float t_max) {
-    vec3 near = (mix(lower, upper, ray.is_negative) - ray.origin) * ray.near_scale;
-    vec3 far = (mix(upper, lower, ray.is_negative) - ray.origin) * ray.far_scale;
+    vec3 near = (mix(lower, upper, ray.is_negative) - ray.near_origin) * ray.near_scale;
+    vec3 far = (mix(upper, lower, ray.is_negative) - ray.far_origin) * ray.far_scale;
     return larger(larger(near.x, near.y), larger(near.z, 0.0)) <= smaller(smaller(far.x, far.y), smaller(far.z, t_max));
 }
 
 // Nodes yet to visit. A packet's entry e lies in lane e % LANES of word e / LANES.
 struct Stack {
-    uint word[STACK_WORDS];
+    uint word[96];
     uint size;
 };
 
@@ -105,6 +112,11 @@ uint pop(inout Stack stack) {
     return entry;
 }
 
+// SwiftShader knows no casts from reference to reference.
+WordArray words(uvec2 reference) {
+    return WordArray(reference);
+}
+
 // The bits that any invocation of the packet has.
 uint any_lane(uint bits) {
     [[unroll]] for (uint distance = 1u; distance < LANES; distance *= 2u) {
@@ -121,9 +133,9 @@ bool is_done(float t_max) {
 // Visits an inner node: leaves those of its children that the ray meets to the stack and returns the nearest.
 uint visit_packet(BvhNodeArray nodes, BoxRay ray, float t_max, inout Stack stack, uint current) {
     const uint loads = BVH_NODE_WORDS / LANES;
-    uint held[loads];
+    uint held[8];
     [[unroll]] for (uint i = 0u; i < loads; ++i) {
-        held[i] = WordArray(nodes).at[current * BVH_NODE_WORDS + i * LANES + gl_SubgroupInvocationID];
+        held[i] = words(uvec2(nodes)).at[current * BVH_NODE_WORDS + i * LANES + gl_SubgroupInvocationID];
     }
     uint hits = 0u;
     [[unroll]] for (uint slot = 0u; slot < 4u; ++slot) {
@@ -194,9 +206,9 @@ LeafTriangle leaf_triangle(LeafTriangleArray triangles, uint place) {
     }
     // Whole words of all lanes: the last one reads beyond its triangle, and there is room behind the last of them.
     const uint loads = (LEAF_TRIANGLE_WORDS + LANES - 1u) / LANES;
-    uint held[loads];
+    uint held[3];
     [[unroll]] for (uint i = 0u; i < loads; ++i) {
-        held[i] = WordArray(triangles).at[place * LEAF_TRIANGLE_WORDS + i * LANES + gl_SubgroupInvocationID];
+        held[i] = words(uvec2(triangles)).at[place * LEAF_TRIANGLE_WORDS + i * LANES + gl_SubgroupInvocationID];
     }
     uint word[LEAF_TRIANGLE_WORDS];
     [[unroll]] for (uint i = 0u; i < LEAF_TRIANGLE_WORDS; ++i) {
@@ -207,9 +219,17 @@ LeafTriangle leaf_triangle(LeafTriangleArray triangles, uint place) {
                         uintBitsToFloat(uvec3(word[6], word[7], word[8])), word[9]);
 }
 
+// The end of a ray that meets something: -1 where its numbers are not, or so large that boxes cannot be tested.
+float usable_end(vec3 origin, vec3 direction, float t_max) {
+    float size = dot(abs(origin) + abs(direction), vec3(1.0));
+    return size < 1e37 ? smaller(t_max, FARTHEST) : -1.0;
+}
+
 // Shortens the ray to its nearest triangle of the mesh, or, where `any`, to t_max < 0 if it has one.
 // Returns that triangle, or NO_HIT.
 uint trace_mesh(MeshRecord mesh, vec3 origin, vec3 direction, bool any, inout float t_max) {
+    BvhNodeArray nodes = mesh.nodes;
+    LeafTriangleArray triangles = mesh.leaf_triangles;
     BoxRay box = box_ray(origin, direction);
     TriangleRay ray = triangle_ray(origin, direction);
     uint nearest = NO_HIT;
@@ -217,12 +237,12 @@ uint trace_mesh(MeshRecord mesh, vec3 origin, vec3 direction, bool any, inout fl
     stack.size = 0u;
     uint current = 0u;
     do {
-        current = next_leaf(mesh.nodes, box, t_max, stack, current);
+        current = next_leaf(nodes, box, t_max, stack, current);
         uint place = leaf_first(current);
         uint left = leaf_count(current);
         // On from leaf to leaf, as long as they come. Once too often at the end: a test there would cost more.
         do {
-            LeafTriangle candidate = leaf_triangle(mesh.leaf_triangles, place);
+            LeafTriangle candidate = leaf_triangle(triangles, place);
             float t, u, v;
             if (intersect_triangle(ray, 0.0, t_max, candidate.corner_0, candidate.corner_1, candidate.corner_2, t, u, v)) {
                 nearest = candidate.triangle;
@@ -242,8 +262,10 @@ uint trace_mesh(MeshRecord mesh, vec3 origin, vec3 direction, bool any, inout fl
 
 Hit trace(vec3 origin, vec3 direction, bool any, float t_max) {
     Hit hit = Hit(NO_HIT, 0u);
+    t_max = usable_end(origin, direction, t_max);
     if (!INSTANCED) {
-        hit.triangle = trace_mesh(scene.meshes.at[scene.instances.at[0].mesh], origin, direction, any, t_max);
+        MeshRecord mesh = MeshRecord(scene.meshes.at[scene.instances.at[0].mesh]);
+        hit.triangle = trace_mesh(mesh, origin, direction, any, t_max);
         hit.instance = hit.triangle == NO_HIT ? NO_HIT : 0u;
         return hit;
     }
@@ -257,10 +279,14 @@ Hit trace(vec3 origin, vec3 direction, bool any, float t_max) {
         while ((current & BVH_LEAF) != 0u && current != END) {
             uint index = leaf_first(current);
             mat4x3 to_object = scene.instances.at[index].world_to_object;
-            uint triangle = trace_mesh(scene.meshes.at[scene.instances.at[index].mesh], to_object * vec4(origin, 1.0),
-                                       mat3(to_object) * direction, any, t_max);
+            vec3 object_origin = to_object * vec4(origin, 1.0);
+            vec3 object_direction = mat3(to_object) * direction;
+            float end = usable_end(object_origin, object_direction, t_max);
+            MeshRecord mesh = MeshRecord(scene.meshes.at[scene.instances.at[index].mesh]);
+            uint triangle = trace_mesh(mesh, object_origin, object_direction, any, end);
             if (triangle != NO_HIT) {
                 hit = Hit(index, triangle);
+                t_max = end;
             }
             current = any && is_done(t_max) ? END : pop(stack);
         }

@@ -18,8 +18,8 @@ use crate::scene::{Bounds, Mesh};
 /// Children of a node.
 const WIDTH: usize = 4;
 
-/// The child slot that holds nothing.
-pub const NO_CHILD: u32 = u32::MAX;
+/// The child slot that holds nothing. On the device the same word says that a walk has ended.
+pub const NO_CHILD: u32 = 0xf000_0000;
 
 /// Set in a child that is a leaf.
 pub const LEAF: u32 = 1 << 31;
@@ -27,7 +27,7 @@ pub const LEAF: u32 = 1 << 31;
 /// A leaf keeps its primitive count − 1 above this bit and its first primitive below it.
 pub const LEAF_COUNT_SHIFT: u32 = 28;
 
-/// Primitives that a leaf holds at most; the count's highest value marks the walk's end on the device.
+/// Primitives that a leaf holds at most; [`NO_CHILD`] looks like a leaf of eight.
 const MAX_LEAF: u32 = 4;
 
 /// Primitives that one tree can index.
@@ -36,9 +36,12 @@ pub const MAX_PRIMITIVES: usize = 1 << LEAF_COUNT_SHIFT;
 /// Entries of the walk's stack. A tree that could need more is built again, balanced, which never does.
 pub const MAX_STACK: u32 = 96;
 
-/// Boxes are grown by this factor of the far distance, 1 + 2γ(3), so that rounding never loses a hit
-/// (Ize, "Robust BVH Ray Traversal", JCGT 2013).
-const FAR_SLACK: f32 = 1.000_000_4;
+/// The near ends of boxes are drawn in by 1 − 2γ(3), so that rounding loses no hit (after Ize, "Robust BVH Ray Traversal",
+/// JCGT 2013, who moves the far ends out; this way it holds against the ray's end too).
+const NEAR_SLACK: f32 = 1.0 - 3.6e-7;
+
+/// A ray's end, so that no ray reaches the boxes at +∞ of children that are not there.
+const FARTHEST: f32 = 3.4e38;
 
 crate::shared_structs! {
     /// The structs of `glsl/layout/geometry.glsl` that trees are made of.
@@ -215,9 +218,14 @@ impl Bvh {
 
     /// The nearest triangle of `mesh`, over which the tree was built, with 0 < t < `t_max`.
     pub fn closest(&self, mesh: &Mesh, origin: Vec3, direction: Vec3, t_max: f32) -> Option<Intersection> {
+        // As on the device: boxes cannot be tested against numbers that are so large, or none.
+        let size = (origin.abs() + direction.abs()).element_sum();
+        if self.order.is_empty() || size.is_nan() || size >= 1e37 {
+            return None;
+        }
         let ray = TriangleRay::new(origin, direction);
-        let (mut nearest, mut t_max) = (None, t_max);
-        self.walk(origin, direction, t_max, |primitive| {
+        let (mut nearest, mut t_max) = (None, t_max.min(FARTHEST));
+        self.walk(&BoxRay::new(origin, direction), t_max, |primitive| {
             if let Some([t, u, v]) = ray.intersect(t_max, mesh.corners(primitive as usize)) {
                 nearest = Some(Intersection { primitive, t, u, v });
                 t_max = t;
@@ -228,10 +236,7 @@ impl Bvh {
     }
 
     /// Calls `visit` with every primitive whose leaf the ray passes; it returns the new end of the ray.
-    pub fn walk(&self, origin: Vec3, direction: Vec3, mut t_max: f32, mut visit: impl FnMut(u32) -> f32) {
-        let inverse = safe_inverse(direction);
-        let octant =
-            usize::from(direction.x < 0.0) | usize::from(direction.y < 0.0) << 1 | usize::from(direction.z < 0.0) << 2;
+    fn walk(&self, ray: &BoxRay, mut t_max: f32, mut visit: impl FnMut(u32) -> f32) {
         let mut stack = vec![0];
         while let Some(current) = stack.pop() {
             if current & LEAF != 0 {
@@ -241,13 +246,38 @@ impl Bvh {
                 continue;
             }
             let node = &self.nodes[current as usize];
-            let order = node.order[octant / 4] >> (8 * (octant % 4));
+            let order = node.order[ray.octant / 4] >> (8 * (ray.octant % 4));
             for place in (0..WIDTH).rev() {
                 let slot = (order >> (2 * place) & 3) as usize;
-                if node.hit(slot, origin, inverse, t_max) {
+                if node.hit(slot, ray, t_max) {
                     stack.push(node.child[slot]);
                 }
             }
+        }
+    }
+}
+
+/// A ray made ready for box tests. Along an axis that it is parallel to it is as wide as its origin's rounding, so that it
+/// meets the boxes that it touches; 1/d is large there, but finite, so that no product with it is 0·∞.
+struct BoxRay {
+    near_origin: Vec3,
+    far_origin: Vec3,
+    near_scale: Vec3,
+    far_scale: Vec3,
+    octant: usize,
+}
+
+impl BoxRay {
+    fn new(origin: Vec3, direction: Vec3) -> BoxRay {
+        let is_parallel = direction.abs().cmplt(Vec3::splat(1e-18));
+        let width = Vec3::select(is_parallel, origin.abs() * 3e-7 + 1e-18, Vec3::ZERO);
+        let far_scale = Vec3::select(is_parallel, Vec3::splat(1e30), 1.0 / direction);
+        BoxRay {
+            near_origin: origin + width,
+            far_origin: origin - width,
+            near_scale: far_scale * NEAR_SLACK,
+            far_scale,
+            octant: far_scale.cmplt(Vec3::ZERO).bitmask() as usize,
         }
     }
 }
@@ -288,12 +318,13 @@ impl BvhNode {
     }
 
     /// The slab test of one child.
-    fn hit(&self, slot: usize, origin: Vec3, inverse: Vec3, t_max: f32) -> bool {
-        let lower = (Vec3::new(self.lower_x[slot], self.lower_y[slot], self.lower_z[slot]) - origin) * inverse;
-        let upper = (Vec3::new(self.upper_x[slot], self.upper_y[slot], self.upper_z[slot]) - origin) * inverse;
-        let near = Vec3::select(inverse.cmplt(Vec3::ZERO), upper, lower).max_element().max(0.0);
-        let far = Vec3::select(inverse.cmplt(Vec3::ZERO), lower, upper).min_element().min(t_max);
-        near <= far * FAR_SLACK
+    fn hit(&self, slot: usize, ray: &BoxRay, t_max: f32) -> bool {
+        let lower = Vec3::new(self.lower_x[slot], self.lower_y[slot], self.lower_z[slot]);
+        let upper = Vec3::new(self.upper_x[slot], self.upper_y[slot], self.upper_z[slot]);
+        let is_negative = ray.far_scale.cmplt(Vec3::ZERO);
+        let near = (Vec3::select(is_negative, upper, lower) - ray.near_origin) * ray.near_scale;
+        let far = (Vec3::select(is_negative, lower, upper) - ray.far_origin) * ray.far_scale;
+        near.max_element().max(0.0) <= far.min_element().min(t_max)
     }
 }
 
@@ -338,11 +369,6 @@ impl TriangleRay {
         let t = (u * a.z + v * b.z + w * c.z) * reciprocal;
         (inside && determinant != 0.0 && t > 0.0 && t < t_max).then_some([t, v * reciprocal, w * reciprocal])
     }
-}
-
-/// 1/d for box tests: finite, so that no product with it is 0·∞.
-fn safe_inverse(direction: Vec3) -> Vec3 {
-    direction.map(|d| if d.abs() < 1e-18 { 1e18_f32.copysign(d) } else { 1.0 / d })
 }
 
 /// Places in [`Bvh::order`] that a leaf holds.

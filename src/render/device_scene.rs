@@ -106,7 +106,7 @@ impl DeviceScene {
     }
 
     /// What kernels that trace are to be specialized with: see [`Geometry::specialization`].
-    pub fn specialization(&self) -> [(u32, u32); 2] {
+    pub fn specialization(&self) -> [(u32, u32); 3] {
         self.geometry.specialization()
     }
 

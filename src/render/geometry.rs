@@ -38,6 +38,12 @@ crate::shared_structs! {
         pub padding: u32,
     }
 
+    /// Where the record of a mesh is.
+    pub struct MeshPointer {
+        /// Its address.
+        pub record: u64,
+    }
+
     /// A mesh that stands in the world. Matrices are column by column.
     pub struct InstanceRecord {
         /// Object to world.
@@ -52,6 +58,7 @@ crate::shared_structs! {
 /// The uploaded geometry.
 pub struct Geometry {
     instances: Buffer,
+    /// Addresses of the mesh records.
     meshes: Buffer,
     /// The tree over instances.
     nodes: Option<Buffer>,
@@ -106,9 +113,12 @@ impl Geometry {
                 mesh: instance.mesh,
             })
             .collect();
+        let first = uploader.upload("mesh records", &records)?;
+        let pointer = |index| MeshPointer { record: first + (index * size_of::<MeshRecord>()) as u64 };
+        let meshes: Vec<MeshPointer> = (0..records.len()).map(pointer).collect();
         Ok(Geometry {
             instances: Buffer::with_data(device, "instances", &instances)?,
-            meshes: Buffer::with_data(device, "meshes", &records)?,
+            meshes: Buffer::with_data(device, "meshes", &meshes)?,
             nodes,
             tlas,
             stack,
@@ -138,12 +148,13 @@ impl Geometry {
         self.tlas.as_ref()
     }
 
-    /// What a kernel that includes `lib/trace_bvh.glsl` is to be specialized with, as (id, value): subgroups walk as packets
-    /// on CPU drivers, and how deep the stack is.
-    pub fn specialization(&self) -> [(u32, u32); 2] {
+    /// What a kernel that includes `lib/trace_bvh.glsl` is to be specialized with, as (id, value): whether subgroups walk as
+    /// packets, of how many lanes, and how deep the stack is. They do so on CPU drivers.
+    pub fn specialization(&self) -> [(u32, u32); 3] {
         let is_packet = self.is_cpu && [4, 8, 16, 32].contains(&self.subgroup_size);
-        let packet = if is_packet { self.subgroup_size } else { 0 };
-        [(10, packet), (11, self.stack.next_multiple_of(packet.max(8)))]
+        let lanes = if is_packet { self.subgroup_size } else { 32 };
+        let stack_words = if is_packet { self.stack.div_ceil(lanes) } else { self.stack };
+        [(10, u32::from(is_packet)), (11, lanes), (12, stack_words)]
     }
 
     /// Bytes of device memory, acceleration structures of the driver's excepted.

@@ -1,8 +1,8 @@
 //! What the surfaces do to light, checked: samplers against densities, energy, reciprocity, and the shaders against
 //! the CPU's definitions.
 
-#[path = "../common/bsdf_structs.rs"]
-mod bsdf_structs;
+#[path = "../common/mod.rs"]
+mod common;
 mod configurations;
 mod device;
 mod energy;
