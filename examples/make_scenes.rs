@@ -42,9 +42,9 @@ pub fn write_all(folder: &Path) -> Outcome {
 
 /// The Cornell box, scaled to [−1, 1]³ as in Mitsuba 3's `mi.cornell_box()`, so that pictures compare pixel by pixel.
 ///
-/// The reflectances and the light are the spectra measured at Cornell (graphics.cornell.edu/online/box/data.html)
-/// times the CIE 1931 colour matching functions under an equal-energy illuminant, as linear Rec. 709 without chromatic
-/// adaptation: that is why a grey of 0.74 has more red than blue.
+/// The reflectances are the spectra measured at Cornell (graphics.cornell.edu/online/box/data.html) times the CIE 1931
+/// colour matching functions under an equal-energy illuminant, as linear Rec. 709 without chromatic adaptation: that is
+/// why a grey of 0.74 has more red than blue. The light's radiance is the RGB value that Mitsuba gives to it.
 fn cornell(folder: &Path) -> Outcome {
     let mut obj = Obj::new("cornell.mtl");
     let square = |x: Vec3, y: Vec3, center: Vec3| [center - x - y, center + x - y, center + x + y, center - x + y];
@@ -114,7 +114,7 @@ fn preview(folder: &Path) -> Outcome {
         }
         _ => vec3(0.0, 2.0 + 20.0 * (t - 0.75), -4.0),
     };
-    obj.sheet(1, 24, |u, v| profile(v) + vec3(14.0 * (u - 0.5), 0.0, 0.0), true);
+    obj.sheet(1, 24, 1.0, |u, v| profile(v) + vec3(14.0 * (u - 0.5), 0.0, 0.0), true);
     let light = |center: Vec3, size: f32| {
         let normal = (vec3(0.0, 1.0, 0.0) - center).normalize();
         let x = Vec3::Y.cross(normal).normalize();
@@ -206,14 +206,14 @@ Ks 1 1 1
 Pr 0.4
 ",
     );
-    // The lights shine 1 W·m⁻²·sr⁻¹ to 10⁴ over that, and together the same whatever their number.
+    // Four decades of radiance, and the same power all together whatever the number of lights.
     let side = 0.05 * (300.0 / count as f32).sqrt();
     for color in 0..COLORS {
         let hue = TAU * random.next();
-        let tint = [0.0, 1.0, 2.0].map(|channel: f32| 1.0 + 0.8 * (hue + channel * TAU / 3.0).cos());
-        let radiance = 0.5 * 10f32.powf(4.0 * color as f32 / (COLORS - 1) as f32);
+        let tint = [0.0, 1.0, 2.0].map(|channel: f32| 0.8 + 0.7 * (hue + channel * TAU / 3.0).cos());
+        let radiance = 0.02 * 10f32.powf(4.0 * color as f32 / (COLORS - 1) as f32);
         let [red, green, blue] = tint.map(|tint| tint * radiance);
-        writeln!(mtl, "newmtl light{color}\nKd 0 0 0\nKe {red:.4} {green:.4} {blue:.4}")?;
+        writeln!(mtl, "newmtl light{color}\nKd 0 0 0\nKe {red:.5} {green:.5} {blue:.5}")?;
     }
     for color in 0..COLORS {
         obj.object(&format!("lights {color}"), &format!("light{color}"));
@@ -273,7 +273,8 @@ Pr 0
 ";
     let toml = "\
 # A white furnace: nothing here absorbs, so every pixel is 1. Made by examples/make_scenes.rs.
-# The facets show, because interpolated normals do not conserve energy.
+# The facets show, because interpolated normals do not conserve energy. Light goes around in the glass for long: trace
+# it with a --max-depth of hundreds.
 [camera]
 eye = [0, 0, 9]
 target = [0, 0, 0]
@@ -293,11 +294,11 @@ radiance = 1
     save(folder, &[("scene.toml", toml), ("furnace.mtl", mtl), ("furnace.obj", &obj.text)])
 }
 
-/// A textured ground with rings, knots and glass under a sky whose sun is 10⁴ times as bright as the rest.
+/// A textured ground with rings, knots and glass under a sky whose sun is a few thousand times as bright as the rest.
 fn sky(folder: &Path) -> Outcome {
     let mut ground = Obj::new("sky.mtl");
     ground.object("ground", "ground");
-    ground.sheet(8, 8, |u, v| vec3(16.0 * (u - 0.5), 0.0, 16.0 * (0.5 - v)), true);
+    ground.sheet(1, 1, 16.0, |u, v| vec3(80.0 * (u - 0.5), 0.0, 80.0 * (0.5 - v)), false);
     let mut torus = Obj::new("sky.mtl");
     torus.object("torus", "clay");
     torus.lathe(Vec3::ZERO, 20, 40, |t| Vec2::new(0.7 + 0.25 * (t * TAU).cos(), 0.25 * (t * TAU).sin()));
@@ -355,7 +356,7 @@ rotate = 20
     save(folder, &files)?;
     let tile = |x: u32, y: u32| {
         let (column, row) = (x / 16, y / 16);
-        let mortar = x % 16 == 0 || y % 16 == 0;
+        let mortar = x.is_multiple_of(16) || y.is_multiple_of(16);
         let shade = Random(u64::from(row * 4 + column)).next();
         let [red, green, blue] = if (column + row) % 2 == 0 { [196.0, 186.0, 168.0] } else { [92.0, 104.0, 112.0] };
         let scale = if mortar { 0.5 } else { 0.75 + 0.25 * shade };
@@ -369,7 +370,7 @@ rotate = 20
         let horizon = vec3(0.85, 0.8, 0.75).lerp(vec3(0.12, 0.25, 0.6), height.sqrt());
         let air = if direction.y < 0.0 { vec3(0.12, 0.1, 0.08) } else { horizon };
         let glow = vec3(2.0, 1.6, 1.0) * (-to_sun / 8.0).exp();
-        let disk = if to_sun < 2.0 { vec3(6000.0, 5400.0, 4400.0) } else { Vec3::ZERO };
+        let disk = if to_sun < 2.0 { vec3(1000.0, 900.0, 750.0) } else { Vec3::ZERO };
         0.6 * (air + glow) + disk
     })
 }
@@ -378,7 +379,7 @@ rotate = 20
 fn still_life(folder: &Path) -> Outcome {
     let mut obj = Obj::new("still_life.mtl");
     obj.object("table", "table");
-    obj.sheet(1, 1, |u, v| vec3(9.0 * (u - 0.5), 0.0, 9.0 * (0.5 - v)), false);
+    obj.sheet(1, 1, 1.0, |u, v| vec3(9.0 * (u - 0.5), 0.0, 9.0 * (0.5 - v)), false);
     obj.object("frosted", "frosted");
     obj.sphere(vec3(-1.1, 0.62, 0.2), 0.6, 24, 48);
     obj.object("can", "brushed");
@@ -533,14 +534,14 @@ impl Obj {
     }
 
     /// A sheet of `columns` × `rows` quads over (u, v) in [0, 1]², seen from the side where u runs to the right and v
-    /// upwards, with texture coordinates and perhaps smooth normals.
-    fn sheet(&mut self, columns: usize, rows: usize, point: impl Fn(f32, f32) -> Vec3, smooth: bool) {
+    /// upwards, with texture coordinates that run to `repeat` and perhaps smooth normals.
+    fn sheet(&mut self, columns: usize, rows: usize, repeat: f32, point: impl Fn(f32, f32) -> Vec3, smooth: bool) {
         let first = self.positions;
         for row in 0..=rows {
             for column in 0..=columns {
                 let (u, v) = (column as f32 / columns as f32, row as f32 / rows as f32);
                 self.position(point(u, v));
-                self.uv(Vec2::new(u, v));
+                self.uv(repeat * Vec2::new(u, v));
                 if smooth {
                     let step = 1e-2;
                     let du = point(u + step, v) - point(u - step, v);

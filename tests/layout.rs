@@ -18,10 +18,11 @@ use rspirv::spirv::{Decoration, ExecutionModel, Op, StorageClass, Word};
 
 /// All structs that host and kernels share.
 const SHARED: &[&[StructLayout]] = &[
+    common::bsdf_structs::BSDF_TEST_STRUCTS,
     common::gpu_structs::GPU_TEST_STRUCTS,
-    neubrdf::render::bvh::BVH_STRUCTS,
     neubrdf::render::GEOMETRY_STRUCTS,
     neubrdf::render::MATERIAL_STRUCTS,
+    neubrdf::render::bvh::BVH_STRUCTS,
     neubrdf::render::RAY_STRUCTS,
     neubrdf::render::WAVEFRONT_STRUCTS,
 ];

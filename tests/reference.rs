@@ -9,7 +9,9 @@ use neubrdf::converge::prove_equal;
 use neubrdf::image::{Crop, Picture, plane};
 use neubrdf::material::{Conductor, Ggx, Reflectance};
 use neubrdf::reference::{Ray, Reference, ReferenceOptions, TraceMode};
-use neubrdf::scene::{Camera, Color, Environment, Film, Fresnel, Instance, Material, Mesh, Scene, Sun, Surface};
+use neubrdf::scene::{
+    Camera, Color, Environment, Film, Fresnel, Instance, Lens, Material, Mesh, Scene, Sun, Surface, Texture,
+};
 
 const GREY: Vec3 = Vec3::new(0.8, 0.5, 0.2);
 
@@ -280,6 +282,51 @@ fn a_rough_metal_reflects_a_square_light() {
     }
 }
 
+/// A coat over a white base loses nothing either, smooth or rough: what the base cannot send out comes back.
+#[test]
+fn a_coated_plane_closes_the_furnace() {
+    for alpha in [0.0, 0.3] {
+        let coat = surface(Surface::Coated { albedo: Color::constant(Vec3::ONE), ior: 1.5, alpha });
+        let view = camera(Vec3::new(1.0, 1.0, 0.0), Vec3::ZERO, 1.0);
+        let scene = with_sky(scene(view, vec![floor(10.0, 0)], vec![coat]), 1.0);
+        println!("alpha {alpha}");
+        assert_mean(&render(&scene, 8192, 4, 1), DVec3::ONE, 2e-3);
+    }
+}
+
+/// A wall, left half black and right half shining, is sharp where the lens is in focus and blurred elsewhere.
+#[test]
+fn a_lens_is_sharp_at_its_focus_only() {
+    let half = |x: f32, material| quad(Vec3::new(x, 0.0, 0.0), Vec3::X, Vec3::Y * 2.0, material);
+    let view = camera(Vec3::Z * 2.0, Vec3::ZERO, 30.0);
+    for (focus_distance, is_sharp) in [(2.0, true), (1.0, false)] {
+        let lens = Some(Lens { radius: 0.5, focus_distance });
+        let halves = vec![half(-1.0, 0), half(1.0, 1)];
+        let scene = scene(Camera { lens, ..view.clone() }, halves, vec![diffuse(Vec3::ZERO), light(1.0)]);
+        let beauty = render(&scene, 256, 1, 1).rgb(plane::BEAUTY).unwrap();
+        let edge = [beauty[4 + 1][0], beauty[4 + 2][0]];
+        assert_eq!(edge == [0.0, 1.0], is_sharp, "{edge:?}");
+        // The blur is symmetric.
+        assert!((edge[0] + edge[1] - 1.0).abs() < 0.2, "{edge:?}");
+    }
+}
+
+#[test]
+fn a_texture_multiplies_the_colour() {
+    let texels = [[1.0, 0.0, 0.0, 1.0], [0.0, 1.0, 0.0, 1.0], [0.0, 0.0, 1.0, 1.0], [1.0; 4]];
+    let texels = texels.map(|texel: [f32; 4]| texel.map(half::f16::from_f32)).to_vec();
+    let texture = Texture { name: "four".into(), width: 2, height: 2, texels };
+    let albedo = Color { value: Vec3::splat(0.5), texture: Some(0) };
+    // The middle of the upper right texel, all over.
+    let ground = Mesh { uvs: vec![Vec2::new(0.75, 0.75); 4], ..floor(10.0, 0) };
+    let view = camera(Vec3::Y, Vec3::ZERO, 30.0);
+    let scene =
+        Scene { textures: vec![texture], ..scene(view, vec![ground], vec![surface(Surface::Diffuse { albedo })]) };
+    let picture = render(&with_sky(scene, 1.0), 1024, 4, 1);
+    assert_mean(&picture, DVec3::new(0.0, 0.5, 0.0), ROUNDING);
+    assert_eq!(picture.rgb(plane::ALBEDO).unwrap()[0], [0.0, 0.5, 0.0]);
+}
+
 /// A slab of glass seen head-on, sky above only: all that comes back is 2R/(1 + R), R = ((n−1)/(n+1))².
 #[test]
 fn a_slab_of_glass_reflects_what_fresnel_says() {
@@ -431,5 +478,18 @@ fn single_rays_and_streams_meet_the_same_triangles() {
             (a.t - b.t).abs() > 1e-5 * a.t
         });
         assert_eq!(differing.count(), 0, "{mode:?}");
+    }
+}
+
+/// Every scene that ships: finite, and of the same radiance by two seeds.
+#[test]
+fn shipped_scenes_render() {
+    for name in ["cornell", "furnace", "many_lights", "preview", "sky", "still_life"] {
+        let path = format!("{}/scenes/{name}/scene.toml", env!("CARGO_MANIFEST_DIR"));
+        let (mut scene, _) = Scene::load(path).unwrap();
+        scene.film = Film { width: 40, height: 40 };
+        let [first, second] = [1, 2].map(|seed| render(&scene, 32, 8, seed));
+        let comparison = prove_equal(&format!("reference-{name}"), &first, &second, 1e-4).unwrap();
+        println!("{name}\n{comparison}");
     }
 }

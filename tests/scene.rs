@@ -76,6 +76,22 @@ fn polygons_become_triangles_and_indices_may_count_backwards() {
 }
 
 #[test]
+fn concave_polygons_keep_their_outline() {
+    let (scene, _) = obj("v 0 0 0\nv 2 -1 0\nv .5 0 0\nv 2 1 0\nf 2 3 4 1\n");
+    let areas = triangles(&scene.meshes[0]).into_iter().map(|[a, b, c]| (b - a).cross(c - a).z / 2.0);
+    assert!(areas.clone().all(|area| area > 0.0));
+    assert!((areas.sum::<f32>() - 0.5).abs() < 1e-6);
+}
+
+#[test]
+fn a_texture_without_coordinates_warns() {
+    let folder = Folder::new(&[("a.obj", TRIANGLE), ("a.mtl", "newmtl m\nmap_Kd t.png\n")]);
+    image::RgbImage::new(1, 1).save(folder.path("t.png")).unwrap();
+    let (_, warnings) = folder.load("a.obj").unwrap();
+    assert!(warnings[0].to_string().contains("no texture coordinates, though its material `m`"), "{}", warnings[0]);
+}
+
+#[test]
 fn objects_and_materials_of_a_file_become_one_mesh() {
     let folder = Folder::new(&[
         (
@@ -97,7 +113,9 @@ fn objects_and_materials_of_a_file_become_one_mesh() {
 
 #[test]
 fn continuation_lines_comments_colours_and_windows_line_ends_are_read() {
-    let (scene, _) = obj("# \u{fffd}\r\nv 0 0 0 1 0 0\r\nv 1 0 0 1\r\nv 0 1 0 # third\r\nf 1 2 \\\r\n3 # done\r\n");
+    let (scene, _) = obj(
+        "# C:\\models\\\r\n# \u{fffd}\r\nv 0 0 0 1 0 0\r\nv 1 0 0 1\r\nv 0 1 0 # third\r\nf 1 2 \\\r\n3 # done\r\n",
+    );
     assert_eq!(triangles(&scene.meshes[0]), [[Vec3::ZERO, Vec3::X, Vec3::Y]]);
 }
 

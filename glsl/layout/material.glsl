@@ -3,6 +3,7 @@
 #define LAYOUT_MATERIAL_GLSL
 
 #extension GL_EXT_buffer_reference : require
+#extension GL_EXT_buffer_reference_uvec2 : require
 #extension GL_EXT_scalar_block_layout : require
 
 // `texture_index` of a material without a texture.
@@ -37,7 +38,7 @@ struct MaterialRecord {
     vec3 emission;       // radiance
     float base_scale;    // coated: 1 / (1 - average albedo of the coat)
     vec2 alpha;          // GGX roughness along tangent and bitangent, 0 or >= 1e-4; (0, 0) is perfectly smooth
-    CoatTable coat;      // coated with alpha > 0; else null
+    uvec2 coat;          // address of a CoatTable: coated with alpha > 0; else null
 };
 
 uint material_family(uint flags) {

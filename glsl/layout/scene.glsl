@@ -34,7 +34,7 @@ layout(buffer_reference, scalar, buffer_reference_align = 8) readonly buffer Tex
     uvec2 at[];
 };
 struct TextureRecord {
-    TexelArray texels;
+    uvec2 texels;   // a TexelArray; SwiftShader's compiler dies of copies of structs that hold references
     uint width;
     uint height;
 };

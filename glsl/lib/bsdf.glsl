@@ -13,10 +13,10 @@
 #define LIB_BSDF_GLSL
 
 #include "layout/material.glsl"
-#include "lib/constants.glsl"
+#include "lib/circle.glsl"
 
 // Directions with |cos θ| below this lie in the surface.
-const float MIN_COSINE = 1e-8;
+const float MIN_COSINE = 1e-6;
 
 struct BsdfSample {
     vec3 wi;
@@ -31,9 +31,7 @@ BsdfSample bsdf_no_sample() {
 
 // Density cos θ / π: a point of the unit disk, lifted.
 vec3 sample_cosine_hemisphere(vec2 u) {
-    float radius = sqrt(u.x);
-    float phi = TWO_PI * u.y;
-    return vec3(radius * cos(phi), radius * sin(phi), sqrt(1.0 - u.x));
+    return vec3(sqrt(u.x) * unit_circle(u.y), sqrt(1.0 - u.x));
 }
 
 #endif

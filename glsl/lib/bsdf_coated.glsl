@@ -11,7 +11,7 @@ struct Bsdf {
     float base_scale;  // 1 / (1 - average albedo of the coat)
     float excess;      // η² - 1 of the coat
     float alpha;       // of the coat; 0: smooth
-    CoatTable coat;
+    uvec2 coat;        // address of its CoatTable: SwiftShader crashes on a reference inside a struct that is constructed
 };
 
 Bsdf bsdf_make(MaterialRecord material, vec3 color) {
@@ -23,52 +23,66 @@ bool bsdf_is_delta(Bsdf b) {
     return false;
 }
 
-// The share of light from this angle that the coat reflects.
-float coat_albedo(Bsdf b, float cosine) {
+// The share of light from this angle that the coat reflects (x), and that it lets through (y).
+vec2 coat_split(Bsdf b, float cosine) {
     if (b.alpha == 0.0) return fresnel_dielectric(min(cosine, 1.0), b.excess);
     float position = sqrt(sqrt(clamp(cosine, 0.0, 1.0))) * float(COAT_TABLE_LENGTH - 1u);
     uint cell = min(uint(position), COAT_TABLE_LENGTH - 2u);
-    return mix(b.coat.albedo[cell], b.coat.albedo[cell + 1u], position - float(cell));
+    CoatTable table = CoatTable(b.coat);
+    float reflected = mix(table.albedo[cell], table.albedo[cell + 1u], position - float(cell));
+    return vec2(reflected, 1.0 - reflected);
 }
 
-// The probability of sampling the coat.
-float coat_probability(Bsdf b, float coat) {
-    float base = (1.0 - coat) * max(b.base.x, max(b.base.y, b.base.z));
-    return coat > 0.0 ? coat / (coat + base) : 0.0;
+// The probabilities of sampling the coat (x) and the base (y).
+vec2 lobe_probabilities(Bsdf b, vec2 coat) {
+    vec2 share = vec2(coat.x, coat.y * max(b.base.x, max(b.base.y, b.base.z)));
+    float sum = share.x + share.y;
+    return share.x > 0.0 ? share / sum : vec2(0.0, 1.0);
 }
 
-vec4 bsdf_eval_pdf(Bsdf b, vec3 wo, vec3 wi) {
-    if (min(wo.z, wi.z) < MIN_COSINE) return vec4(0.0);
-    float coat = coat_albedo(b, wo.z);
-    float through = (1.0 - coat) * (1.0 - coat_albedo(b, wi.z)) * b.base_scale * INV_PI;
-    float probability = coat_probability(b, coat);
-    vec4 value = vec4(b.base * through, (1.0 - probability) * wi.z * INV_PI);
+// f and pdf for facets along h, of any length, that are lit at `cosine`.
+vec4 coated_eval_pdf(Bsdf b, vec3 wo, vec3 wi, vec3 h, float cosine) {
+    vec2 coat = coat_split(b, wo.z);
+    vec2 probability = lobe_probabilities(b, coat);
+    float through = coat.y * coat_split(b, wi.z).y * b.base_scale;
+    vec4 value = INV_PI * vec4(b.base * through, probability.y * wi.z);
     if (b.alpha > 0.0) {
         vec2 alpha = vec2(b.alpha);
-        vec3 h = wo + wi;
         float so = ggx_stretch(wo, alpha);
         float si = ggx_stretch(wi, alpha);
         float d = 0.5 * ggx_distribution(h, alpha);
-        float reflected = fresnel_dielectric(min(0.5 * length(h), 1.0), b.excess);
-        value += vec4(vec3(reflected * d / (wo.z * si + wi.z * so)), probability * d / (wo.z + so));
+        float reflected = fresnel_dielectric(clamp(cosine, 0.0, 1.0), b.excess).x;
+        value += vec4(vec3(reflected * d / (wo.z * si + wi.z * so)), probability.x * d / (wo.z + so));
     }
     return value;
 }
 
+vec4 bsdf_eval_pdf(Bsdf b, vec3 wo, vec3 wi) {
+    if (min(wo.z, wi.z) < MIN_COSINE) return vec4(0.0);
+    vec3 h = wo + wi;
+    return coated_eval_pdf(b, wo, wi, h, 0.5 * length(h));
+}
+
 BsdfSample bsdf_sample(Bsdf b, vec3 wo, vec3 u) {
     if (wo.z < MIN_COSINE) return bsdf_no_sample();
-    float coat = coat_albedo(b, wo.z);
-    float probability = coat_probability(b, coat);
-    vec3 wi;
-    if (u.z >= probability) {
-        wi = sample_cosine_hemisphere(u.xy);
-    } else if (b.alpha == 0.0) {
-        return BsdfSample(vec3(-wo.xy, wo.z), probability, vec3(coat / probability), true);
+    vec2 coat = coat_split(b, wo.z);
+    float probability = lobe_probabilities(b, coat).x;
+    bool is_coat = u.z < probability;
+    if (is_coat && b.alpha == 0.0) return BsdfSample(vec3(-wo.xy, wo.z), probability, vec3(coat.x / probability), true);
+    vec3 wi, h;
+    float cosine;
+    if (is_coat) {
+        // wo + wi would no longer tell where in a narrow lobe the facet is.
+        h = ggx_sample(wo, vec2(b.alpha), u.xy);
+        cosine = dot(wo, h);
+        wi = normalize(2.0 * cosine * h - wo);
     } else {
-        vec3 m = ggx_sample(wo, vec2(b.alpha), u.xy);
-        wi = normalize(2.0 * dot(wo, m) * m - wo);
+        wi = sample_cosine_hemisphere(u.xy);
+        h = wo + wi;
+        cosine = 0.5 * length(h);
     }
-    vec4 value = bsdf_eval_pdf(b, wo, wi);
+    if (wi.z < MIN_COSINE) return bsdf_no_sample();
+    vec4 value = coated_eval_pdf(b, wo, wi, h, cosine);
     if (!(value.a > 0.0)) return bsdf_no_sample();
     return BsdfSample(wi, value.a, value.rgb * (wi.z / value.a), false);
 }

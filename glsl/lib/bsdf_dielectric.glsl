@@ -39,8 +39,8 @@ vec4 bsdf_eval_pdf(Bsdf b, vec3 wo, vec3 wi) {
     float facing = h.z * wo.z;
     if (!is_reflection && !(oh * facing > 0.0 && ih * facing < 0.0)) return vec4(0.0);
     float cosine = is_reflection ? 0.5 * sqrt(h2) : abs(oh) * inversesqrt(h2);
-    float reflected = fresnel_dielectric(min(cosine, 1.0), index.y);
-    float spread = is_reflection ? 0.5 * reflected : (2.0 - 2.0 * reflected) * abs(oh * ih) / (h2 * h2);
+    vec2 fresnel = fresnel_dielectric(min(cosine, 1.0), index.y);
+    float spread = is_reflection ? 0.5 * fresnel.x : 2.0 * fresnel.y * abs(oh * ih) / (h2 * h2);
     vec2 alpha = vec2(b.alpha);
     float facets = spread * ggx_distribution(h, alpha);
     float so = ggx_stretch(wo, alpha);
@@ -61,15 +61,15 @@ BsdfSample bsdf_sample(Bsdf b, vec3 wo, vec3 u) {
     vec3 m = is_delta ? vec3(0.0, 0.0, 1.0) : ggx_sample(upper, alpha, u.xy);
     float cosine = clamp(dot(upper, m), 0.0, 1.0);
     float refracted = fresnel_refracted(cosine, excess);
-    float reflected = fresnel_dielectric(cosine, refracted, excess);
-    bool is_reflection = u.z < reflected;
+    vec2 fresnel = fresnel_dielectric(cosine, refracted, excess);
+    bool is_reflection = u.z < fresnel.x;
     // Snell's law in the form (η² - 1) / (cos θ + η cos θt) = η cos θt - cos θ.
     float bend = excess / (cosine + refracted);
     vec3 wi = is_reflection ? 2.0 * cosine * m - upper : -(upper + bend * m);
     wi = normalize(wi);
     float zi = is_reflection ? wi.z : -wi.z;
     if (zi < MIN_COSINE) return bsdf_no_sample();
-    float pdf = is_reflection ? reflected : 1.0 - reflected;
+    float pdf = is_reflection ? fresnel.x : fresnel.y;
     float weight = is_reflection ? 1.0 : 1.0 / (1.0 + excess);
     if (!is_delta) {
         float so = ggx_stretch(wo, alpha);

@@ -7,18 +7,22 @@ float fresnel_refracted(float cosine, float excess) {
     return sqrt(max(excess + cosine * cosine, 0.0));
 }
 
-// Reflectance between dielectrics, with `refracted` = fresnel_refracted(cosine, excess). The numerators
-// cos θ - η cos θt and η cos θ - cos θt, which cancel as η nears 1, are expanded by their conjugates.
-float fresnel_dielectric(float cosine, float refracted, float excess) {
+// Reflectance (x) and transmittance (y) between dielectrics, with `refracted` = fresnel_refracted(cosine, excess). Each is free
+// of cancellation: the numerators cos θ - η cos θt and η cos θ - cos θt, which vanish as η nears 1, are expanded by their
+// conjugates; the transmittance, which vanishes at grazing angles, is not taken as 1 - reflectance.
+vec2 fresnel_dielectric(float cosine, float refracted, float excess) {
     float across = cosine + refracted;
     float along = (1.0 + excess) * cosine + refracted;
-    float perpendicular = excess / (across * across);
-    float parallel = excess * ((2.0 + excess) * cosine * cosine - 1.0) / (along * along);
+    float across_2 = 1.0 / (across * across);
+    float along_2 = 1.0 / (along * along);
+    float perpendicular = excess * across_2;
+    float parallel = excess * ((2.0 + excess) * cosine * cosine - 1.0) * along_2;
     float reflectance = 0.5 * (perpendicular * perpendicular + parallel * parallel);
-    return refracted > 0.0 ? min(reflectance, 1.0) : 1.0;
+    float transmittance = 2.0 * cosine * refracted * (across_2 + (1.0 + excess) * along_2);
+    return refracted > 0.0 ? min(vec2(reflectance, transmittance), 1.0) : vec2(1.0, 0.0);
 }
 
-float fresnel_dielectric(float cosine, float excess) {
+vec2 fresnel_dielectric(float cosine, float excess) {
     return fresnel_dielectric(cosine, fresnel_refracted(cosine, excess), excess);
 }
 
@@ -29,7 +33,7 @@ vec3 fresnel_complex(float cosine, vec3 eta, vec3 kappa) {
     vec3 real = eta * eta - kappa * kappa - sine2;
     vec3 cross_term = 4.0 * eta * eta * kappa * kappa;
     vec3 modulus = sqrt(real * real + cross_term);
-    // ((modulus + real) / 2, without cancellation where real < 0.
+    // (modulus + real) / 2, without cancellation where real < 0.
     vec3 larger = modulus + abs(real);
     vec3 square = mix(0.5 * larger, 0.5 * cross_term / max(larger, 1e-30), lessThan(real, vec3(0.0)));
     vec3 sum = modulus + cosine2;

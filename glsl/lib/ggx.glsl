@@ -6,7 +6,7 @@
 #ifndef LIB_GGX_GLSL
 #define LIB_GGX_GLSL
 
-#include "lib/constants.glsl"
+#include "lib/circle.glsl"
 
 // s(w).
 float ggx_stretch(vec3 w, vec2 alpha) {
@@ -24,11 +24,11 @@ float ggx_distribution(vec3 h, vec2 alpha) {
 // A facet normal visible from wo, wo.z > 0: Dupuy and Benyoub 2023.
 vec3 ggx_sample(vec3 wo, vec2 alpha, vec2 u) {
     vec3 stretched = normalize(vec3(alpha * wo.xy, wo.z));
+    // The cap's z is 1 - below; written so, its sine is accurate where it is small.
+    float below = u.x * (1.0 + stretched.z);
     float half_z = (1.0 - u.x) * (1.0 + stretched.z);
-    float cap_z = half_z - stretched.z;
-    float sine = sqrt(max((1.0 - cap_z) * (1.0 + cap_z), 0.0));
-    float phi = TWO_PI * u.y;
-    vec2 half_xy = sine * vec2(cos(phi), sin(phi)) + stretched.xy;
+    float sine = sqrt(below * max(2.0 - below, 0.0));
+    vec2 half_xy = sine * unit_circle(u.y) + stretched.xy;
     return normalize(vec3(alpha * half_xy, half_z));
 }
 

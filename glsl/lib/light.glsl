@@ -4,7 +4,7 @@
 #define LIB_LIGHT
 
 #include "layout/scene.glsl"
-#include "lib/constants.glsl"
+#include "lib/circle.glsl"
 
 layout(constant_id = 2) const bool HAS_EMITTERS = false;
 layout(constant_id = 3) const bool HAS_ENVIRONMENT = false;
@@ -41,8 +41,8 @@ vec3 environment_radiance(SceneTable scene, vec3 direction) {
     vec2 turn = scene.environment_rotation;
     vec3 d = vec3(turn.x * direction.x - turn.y * direction.z, direction.y, turn.y * direction.x + turn.x * direction.z);
     vec2 size = vec2(scene.environment_size);
-    float u = atan(d.x, -d.z) / TWO_PI + 0.5;
-    float v = acos(clamp(d.y, -1.0, 1.0)) * (2.0 / TWO_PI);
+    float u = turn_of(d.x, -d.z) + 0.5;
+    float v = 2.0 * turn_of(length(d.xz), d.y);
     uvec2 texel = min(uvec2(vec2(u, v) * size), scene.environment_size - 1u);
     return scene.environment.at[texel.y * scene.environment_size.x + texel.x];
 }
@@ -51,11 +51,12 @@ vec3 environment_radiance(SceneTable scene, vec3 direction) {
 LightSample sample_environment(SceneTable scene, uint texel, vec2 u) {
     uint row = texel / scene.environment_size.x;
     uint column = texel - row * scene.environment_size.x;
-    float step = 0.5 * TWO_PI / float(scene.environment_size.y);
-    float cos_theta = mix(cos(float(row) * step), cos(float(row + 1u) * step), u.y);
+    float row_turn = 0.5 / float(scene.environment_size.y);
+    float cos_theta = mix(unit_circle(float(row) * row_turn).x, unit_circle(float(row + 1u) * row_turn).x, u.y);
     float sin_theta = sqrt(max(0.0, 1.0 - cos_theta * cos_theta));
-    float azimuth = TWO_PI * ((float(column) + u.x) / float(scene.environment_size.x) - 0.5);
-    vec3 d = vec3(sin_theta * sin(azimuth), cos_theta, -sin_theta * cos(azimuth));
+    // The azimuth starts behind, at half a turn.
+    vec2 azimuth = -unit_circle((float(column) + u.x) / float(scene.environment_size.x));
+    vec3 d = vec3(sin_theta * azimuth.y, cos_theta, -sin_theta * azimuth.x);
     vec2 turn = scene.environment_rotation;
     vec3 direction = vec3(turn.x * d.x + turn.y * d.z, d.y, turn.x * d.z - turn.y * d.x);
     vec3 radiance = scene.environment.at[texel];

@@ -65,7 +65,7 @@ pub fn run(arguments: Arguments) -> Result<ExitCode> {
         ("FLIP", metrics.flip, arguments.max_flip),
     ] {
         // A NaN is above every threshold.
-        if let Some(most) = most.filter(|most| !(found <= *most)) {
+        if let Some(most) = most.filter(|most| found > *most || found.is_nan()) {
             eprintln!("{name} is {found:.6e}, above {most:e}");
             exceeded = true;
         }
@@ -74,7 +74,7 @@ pub fn run(arguments: Arguments) -> Result<ExitCode> {
         let Some(test) = &comparison.z_test else {
             bail!("--min-p needs the variance and sample counts of both pictures");
         };
-        if !(test.p >= least) {
+        if test.p < least || test.p.is_nan() {
             eprintln!("the z-test's p is {:.3e}, below {least:e}", test.p);
             exceeded = true;
         }

@@ -10,7 +10,7 @@ mod render;
 use std::path::Path;
 use std::process::ExitCode;
 
-use anyhow::Result;
+use anyhow::{Result, bail};
 use neubrdf::scene::{Film, Scene};
 
 use clap::{Parser, Subcommand};
@@ -71,4 +71,16 @@ fn film_size(word: &str) -> Result<Film, String> {
         .and_then(|(width, height)| Some(Film { width: width.parse().ok()?, height: height.parse().ok()? }))
         .filter(|film| film.width > 0 && film.height > 0)
         .ok_or_else(|| format!("'{word}' is no size: expected WIDTHxHEIGHT in pixels, both at least 1"))
+}
+
+/// Errors where a file could not be written after hours of work, before them.
+fn check_writable(path: &Path) -> Result<()> {
+    let directory = path.parent().filter(|directory| !directory.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    if !directory.is_dir() {
+        bail!("{}: cannot be written: there is no directory {}", path.display(), directory.display());
+    }
+    if path.is_dir() {
+        bail!("{}: cannot be written: it is a directory", path.display());
+    }
+    Ok(())
 }

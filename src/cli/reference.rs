@@ -49,6 +49,9 @@ pub fn run(arguments: Arguments) -> Result<ExitCode> {
     if arguments.output.is_none() && arguments.png.is_none() {
         bail!("nothing to write: say -o PICTURE.exr, --png PICTURE.png, or both");
     }
+    for path in [&arguments.output, &arguments.png].into_iter().flatten() {
+        super::check_writable(path)?;
+    }
     let scene: Scene = super::load(&arguments.scene, arguments.size, arguments.quiet)?;
     let options = ReferenceOptions {
         spp: arguments.spp,

@@ -129,6 +129,9 @@ pub fn run(arguments: Arguments) -> Result<ExitCode> {
             bail!("--time and --error take numbers above 0, not {limit}");
         }
     }
+    for path in [&arguments.output, &arguments.png, &arguments.checkpoint].into_iter().flatten() {
+        super::check_writable(path)?;
+    }
     let loading = Instant::now();
     let scene = super::load(&arguments.scene, arguments.size, arguments.quiet)?;
     let load_seconds = loading.elapsed().as_secs_f64();

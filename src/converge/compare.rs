@@ -91,7 +91,7 @@ impl fmt::Display for Comparison {
 
 /// The signed difference x − r of the beauty planes, as a picture.
 pub fn difference(image: &Picture, reference: &Picture) -> Result<Picture, Error> {
-    let (beauty, truth) = beauties(image, reference)?;
+    let [beauty, truth] = beauties(image, reference)?;
     let pixels: Vec<[f32; 3]> =
         beauty.iter().zip(&truth).map(|(x, r)| std::array::from_fn(|channel| x[channel] - r[channel])).collect();
     let mut picture = Picture::new(image.width, image.height);
@@ -109,7 +109,7 @@ pub fn write_difference_png(
     scale: f32,
 ) -> Result<(), Error> {
     let luminance = |[red, green, blue]: [f32; 3]| 0.2126 * red + 0.7152 * green + 0.0722 * blue;
-    let (beauty, truth) = beauties(image, reference)?;
+    let [beauty, truth] = beauties(image, reference)?;
     let pixels: Vec<u8> = beauty
         .iter()
         .zip(&truth)

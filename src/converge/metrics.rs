@@ -33,7 +33,7 @@ pub struct Metrics {
 impl Metrics {
     /// Compares two pictures of one size, with beauty planes both. `flip_exposure` in stops.
     pub fn of(image: &Picture, reference: &Picture, flip_exposure: f32) -> Result<Metrics, Error> {
-        let (beauty, truth) = beauties(image, reference)?;
+        let [beauty, truth] = beauties(image, reference)?;
         let count = (beauty.len() * 3) as f64;
         let mut metrics = Metrics {
             mse: 0.0,
@@ -70,7 +70,7 @@ impl Metrics {
 }
 
 /// The beauty planes of both, which must have one size and at least one pixel.
-pub(super) fn beauties(image: &Picture, reference: &Picture) -> Result<(Vec<[f32; 3]>, Vec<[f32; 3]>), Error> {
+pub(super) fn beauties(image: &Picture, reference: &Picture) -> Result<[Vec<[f32; 3]>; 2], Error> {
     if (image.width, image.height) != (reference.width, reference.height) {
         return Err(Error::SizeMismatch {
             image: [image.width, image.height],
@@ -83,7 +83,7 @@ pub(super) fn beauties(image: &Picture, reference: &Picture) -> Result<(Vec<[f32
     let beauty = |picture: &Picture, which| {
         picture.rgb(plane::BEAUTY).ok_or_else(|| missing(picture, which, &plane::BEAUTY.join(", ")))
     };
-    Ok((beauty(image, "picture")?, beauty(reference, "reference")?))
+    Ok([beauty(image, "picture")?, beauty(reference, "reference")?])
 }
 
 pub(super) fn missing(picture: &Picture, which: &'static str, names: &str) -> Error {

@@ -109,7 +109,7 @@ struct Estimate<'a> {
 impl ZTest {
     /// Tests two pictures of one size, both with beauty, variance and sample counts.
     pub fn of(image: &Picture, reference: &Picture, options: ZTestOptions) -> Result<ZTest, Error> {
-        let (image_mean, reference_mean) = beauties(image, reference)?;
+        let [image_mean, reference_mean] = beauties(image, reference)?;
         let a = Estimate::new(image, image_mean, "picture")?;
         let b = Estimate::new(reference, reference_mean, "reference")?;
 

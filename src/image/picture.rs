@@ -9,8 +9,8 @@ use std::collections::BTreeMap;
 /// | [`BEAUTY`](plane::BEAUTY) | W·sr⁻¹·m⁻² | mean radiance, linear Rec. 709 |
 /// | [`VARIANCE`](plane::VARIANCE) | its square | variance of that mean (not of a sample) |
 /// | [`SAMPLES`](plane::SAMPLES) | – | number of samples in the mean, `u32` |
-/// | [`ALBEDO`](plane::ALBEDO) | – | mean reflectance of what is seen first, 0 where nothing is |
-/// | [`NORMAL`](plane::NORMAL) | – | mean world-space shading normal of what is seen first, facing the viewer, not renormalised; 0 where nothing is |
+/// | [`ALBEDO`](plane::ALBEDO) | – | mean colour of what is seen first, texture included (white for glass and metals given by η and κ); 0 where nothing is |
+/// | [`NORMAL`](plane::NORMAL) | – | mean world-space shading normal of what is seen first, towards the viewer (glass: out of the solid), not renormalised; 0 where nothing is |
 /// | [`DEPTH`](plane::DEPTH) | world units | distance along the optical axis, ∞ where nothing is |
 /// | [`INSTANCE_ID`](plane::INSTANCE_ID), [`PRIMITIVE_ID`](plane::PRIMITIVE_ID), [`MATERIAL_ID`](plane::MATERIAL_ID) | – | indices, `u32`, [`NO_ID`](plane::NO_ID) where nothing is |
 ///

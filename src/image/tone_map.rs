@@ -7,8 +7,9 @@
 pub fn neutral([red, green, blue]: [f32; 3], exposure: f32) -> [f32; 3] {
     const START: f32 = 0.8 - 0.04;
     const DESATURATION: f32 = 0.15;
-    // `max` drops NaN; the upper limit keeps ∞ out of the quotients below.
-    let mut color = [red, green, blue].map(|value| (value * exposure.exp2()).max(0.0).min(1e6));
+    // Not `clamp`, which keeps NaN; the upper limit keeps ∞ out of the quotients below.
+    let scale = exposure.exp2();
+    let mut color = [red, green, blue].map(|value| if value > 0.0 { (value * scale).min(1e6) } else { 0.0 });
 
     let least = color[0].min(color[1]).min(color[2]);
     let offset = if least < 0.08 { least - 6.25 * least * least } else { 0.04 };

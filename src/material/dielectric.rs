@@ -104,8 +104,9 @@ impl Dielectric {
         }
         let half = if wi.z > 0.0 { wo + wi } else { wo + eta * wi };
         let m = half.try_normalize()? * half.z.signum();
-        // A facet shows `wo` its front, and `wi` the same side in reflection, the other one in refraction.
-        (m.z > 0.0 && wo.dot(m) > 0.0 && wi.dot(m) * wi.z > 0.0).then_some((ggx, m))
+        // A facet shows `wo` its front and, in refraction, `wi` its back.
+        let is_visible = wi.z > 0.0 || (wo.dot(m) > 0.0 && wi.dot(m) < 0.0);
+        is_visible.then_some((ggx, m))
     }
 }
 

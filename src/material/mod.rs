@@ -36,7 +36,7 @@ pub const SMOOTH_ALPHA: f32 = 1e-4;
 pub const INDEX_MATCH: f32 = 1e-4;
 
 /// Directions with |cos θ| below this lie in the surface, where values may exceed what `f32` holds.
-pub const MIN_COSINE: f64 = 1e-8;
+pub const MIN_COSINE: f64 = 1e-6;
 
 /// What sampling a BSDF gives.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -9,9 +9,9 @@ use crate::image::{Picture, Samples, plane};
 pub struct Sample {
     /// Radiance.
     pub radiance: DVec3,
-    /// Reflectance of what is seen first; 0 for nothing.
+    /// Colour of what is seen first; 0 for nothing.
     pub albedo: DVec3,
-    /// Shading normal of what is seen first, towards the viewer; 0 for nothing.
+    /// Shading normal of what is seen first; 0 for nothing.
     pub normal: DVec3,
 }
 

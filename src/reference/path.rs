@@ -9,8 +9,7 @@ use super::lights::{LightSample, Source};
 use super::random::Random;
 use super::surface::{SurfacePoint, leave};
 use crate::image::{Crop, Picture, Samples, plane};
-use crate::material::{Bsdf, fresnel_complex};
-use crate::scene::{Fresnel, Surface};
+use crate::material::Bsdf;
 
 /// Paths longer than this many segments play Russian roulette.
 const ROULETTE_AFTER: u32 = 3;
@@ -54,8 +53,8 @@ impl Reference<'_> {
                 sample.radiance += throughput * material.emission.as_dvec3() * weight;
             }
             if segment == 1 {
-                sample.albedo = albedo(&material.surface, point.color);
-                sample.normal = if frame.normal.dot(wo_world) < 0.0 { -frame.normal } else { frame.normal };
+                sample.albedo = point.color;
+                sample.normal = frame.normal;
             }
             if segment == max_depth {
                 break;
@@ -178,14 +177,4 @@ impl Reference<'_> {
 /// The balance heuristic (Veach 1997): the weight of a technique with density `used` against one with `other`.
 fn balance(used: f64, other: f64) -> f64 {
     used / (used + other)
-}
-
-/// Reflectance at normal incidence, for denoisers; glass counts as white.
-fn albedo(surface: &Surface, color: DVec3) -> DVec3 {
-    match *surface {
-        Surface::Conductor { fresnel: Fresnel::Complex { eta, kappa }, .. } => {
-            fresnel_complex(1.0, eta.as_dvec3(), kappa.as_dvec3())
-        }
-        _ => color,
-    }
 }

@@ -145,7 +145,7 @@ crate::shared_structs! {
         pub normal: [f32; 3],
         /// Distance along the camera's axis; infinite where nothing was hit.
         pub depth: f32,
-        /// [`plane::NO_ID`] where nothing was hit, here and below.
+        /// [`crate::image::plane::NO_ID`] where nothing was hit, here and below.
         pub instance: u32,
         /// Triangle of its mesh.
         pub triangle: u32,

@@ -1,6 +1,5 @@
 //! Image files to linear Rec. 709 texels: PNG and JPEG (taken as sRGB) and OpenEXR (taken as linear).
 
-use std::fs::File;
 use std::io::Read;
 use std::path::Path;
 
@@ -9,7 +8,8 @@ use glam::Vec3;
 use half::f16;
 use image::ImageReader;
 
-use super::error::{Error, Place, Warning};
+use super::error::{Error, Place, Warning, open};
+use super::light::BRIGHTEST;
 use super::{Environment, Texture};
 
 /// Most texels that an image may have, so that a broken header is an error and not gigabytes of memory.
@@ -64,7 +64,7 @@ pub(super) fn environment(
     let (mut negative, mut unfit) = (0, None);
     let picture = read_exr(path, |x, y, color| {
         let radiance = color * scale;
-        if !radiance.is_finite() && unfit.is_none() {
+        if !(radiance.is_finite() && radiance.max_element() <= BRIGHTEST) && unfit.is_none() {
             unfit = Some((x, y, radiance));
         }
         negative += usize::from(radiance.cmplt(Vec3::ZERO).any());
@@ -81,7 +81,11 @@ pub(super) fn environment(
 }
 
 fn not_finite(path: &Path, x: usize, y: usize, color: Vec3) -> Error {
-    Error::unexpected(Place::file(path), format!("the colour {color} at ({x}, {y})"), "finite numbers")
+    Error::unexpected(
+        Place::file(path),
+        format!("the colour {color} at ({x}, {y})"),
+        format!("finite numbers of at most {BRIGHTEST:e}"),
+    )
 }
 
 fn to_half(color: Vec3) -> [f16; 4] {
@@ -90,8 +94,9 @@ fn to_half(color: Vec3) -> [f16; 4] {
 
 fn is_exr(path: &Path, named_by: &Place) -> Result<bool, Error> {
     let mut magic = Vec::new();
-    File::open(path)
-        .and_then(|file| file.take(4).read_to_end(&mut magic))
+    open(path, Some(named_by))?
+        .take(4)
+        .read_to_end(&mut magic)
         .map_err(|source| Error::read(path, Some(named_by), source))?;
     Ok(magic == [0x76, 0x2f, 0x31, 0x01])
 }

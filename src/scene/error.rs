@@ -1,6 +1,8 @@
 //! What can go wrong while a scene is loaded, told so that the user can mend it.
 
 use std::fmt;
+use std::fs::{self, File};
+use std::io;
 use std::path::{Path, PathBuf};
 
 /// Where in the input something is.
@@ -50,7 +52,7 @@ pub enum Error {
         /// What names it, unless the user did.
         needed_by: Option<Place>,
         /// The system's reason.
-        source: std::io::Error,
+        source: io::Error,
     },
     /// The input is not what it should be.
     #[error("{place}: found {found}, expected {expected}")]
@@ -87,9 +89,18 @@ impl Error {
         Error::Unexpected { place, found: found.into(), expected: expected.into() }
     }
 
-    pub(super) fn read(file: &Path, needed_by: Option<&Place>, source: std::io::Error) -> Error {
+    pub(super) fn read(file: &Path, needed_by: Option<&Place>, source: io::Error) -> Error {
         Error::Read { file: file.to_owned(), needed_by: needed_by.cloned(), source }
     }
+}
+
+/// Opens a file for reading. A pipe or a device is refused, as reading it may never end.
+pub(super) fn open(path: &Path, needed_by: Option<&Place>) -> Result<File, Error> {
+    let open = |path| match fs::metadata(path)? {
+        metadata if metadata.is_file() => File::open(path),
+        _ => Err(io::Error::other("it is not a regular file")),
+    };
+    open(path).map_err(|source| Error::read(path, needed_by, source))
 }
 
 /// Something odd in the input that did not stop the scene from loading.

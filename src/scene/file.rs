@@ -1,20 +1,20 @@
 //! Scene files: TOML beside OBJ, as docs/scenes.md describes it, or a bare OBJ file.
 
 use std::collections::HashMap;
-use std::fs::File;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
 use glam::{Affine3A, EulerRot, Mat3, Quat, Vec2, Vec3};
 
-use super::error::{Error, Place, Warning, nearest};
+use super::error::{Error, Place, Warning, nearest, open};
+use super::light::BRIGHTEST;
 use super::mesh::{self, LARGEST_COORDINATE};
 use super::mtl::Library;
 use super::obj::{self, Normals, beside};
 use super::table::{Source, Table, Value};
 use super::{
-    Bounds, Camera, Color, Environment, Film, Fresnel, Instance, Lens, LightTable, Material, Mesh, Scene, Sun, Surface,
-    decode, metals,
+    Bounds, Camera, Color, Environment, Film, Fresnel, Instance, Lens, Material, Mesh, Scene, Sun, Surface, decode,
+    metals,
 };
 
 /// Size of the picture unless the scene file says otherwise.
@@ -23,8 +23,6 @@ const FILM: Film = Film { width: 512, height: 512 };
 const FOV_DEGREES: f32 = 40.0;
 /// Longest scene file, bytes.
 const LONGEST_FILE: u64 = 64 << 20;
-/// Largest radiance and irradiance.
-const BRIGHTEST: f32 = 1e12;
 
 impl Scene {
     /// Loads a scene file (`.toml`) or a bare OBJ file (any other name), which is seen from outside of its bounds
@@ -77,8 +75,9 @@ fn load_scene_file(path: &Path) -> Result<(Scene, Vec<Warning>), Error> {
 
 fn read_text(path: &Path) -> Result<String, Error> {
     let mut bytes = Vec::new();
-    File::open(path)
-        .and_then(|file| file.take(LONGEST_FILE + 1).read_to_end(&mut bytes))
+    open(path, None)?
+        .take(LONGEST_FILE + 1)
+        .read_to_end(&mut bytes)
         .map_err(|source| Error::read(path, None, source))?;
     if bytes.len() as u64 > LONGEST_FILE {
         let found = format!("more than {} MiB", LONGEST_FILE >> 20);
@@ -137,7 +136,12 @@ impl Loader {
         let mut scene =
             Scene { camera, film, meshes: self.meshes, instances, materials, textures: Vec::new(), environment, sun };
         decode_textures(&mut scene, &textures, &mut warnings)?;
-        if LightTable::new(&scene).is_empty() {
+        warn_of_missing_coordinates(&scene, &mut warnings);
+        let shines = |radiance: &Vec3| *radiance != Vec3::ZERO;
+        if !(scene.materials.iter().any(Material::is_emissive)
+            || scene.environment.iter().flat_map(|environment| &environment.texels).any(shines)
+            || scene.sun.iter().any(|sun| shines(&sun.irradiance)))
+        {
             let message = "nothing emits light: the picture will be black".to_owned();
             warnings.push(Warning { place: Place::file(path), message });
         }
@@ -159,11 +163,7 @@ fn framing(bounds: &Bounds, film: Film) -> Camera {
 fn decode_textures(scene: &mut Scene, files: &[(PathBuf, Place)], warnings: &mut Vec<Warning>) -> Result<(), Error> {
     let mut decoded: Vec<Option<u32>> = vec![None; files.len()];
     for material in &mut scene.materials {
-        let color = match &mut material.surface {
-            Surface::Diffuse { albedo } | Surface::Coated { albedo, .. } => albedo,
-            Surface::Conductor { fresnel: Fresnel::Schlick { f0 }, .. } => f0,
-            Surface::Conductor { fresnel: Fresnel::Complex { .. }, .. } | Surface::Dielectric { .. } => continue,
-        };
+        let Some(color) = material.surface.color_mut() else { continue };
         let Some(file) = color.texture else { continue };
         if decoded[file as usize].is_none() {
             let (path, named_by) = &files[file as usize];
@@ -173,6 +173,18 @@ fn decode_textures(scene: &mut Scene, files: &[(PathBuf, Place)], warnings: &mut
         color.texture = decoded[file as usize];
     }
     Ok(())
+}
+
+/// A texture needs coordinates to be looked up at.
+fn warn_of_missing_coordinates(scene: &Scene, warnings: &mut Vec<Warning>) {
+    for mesh in scene.meshes.iter().filter(|mesh| mesh.uvs.is_empty()) {
+        let textured = |material: &&u32| scene.materials[**material as usize].surface.texture().is_some();
+        if let Some(&material) = mesh.materials.iter().find(textured) {
+            let name = &scene.materials[material as usize].name;
+            let message = format!("no texture coordinates, though its material `{name}` has a texture");
+            warnings.push(Warning { place: Place::file(&mesh.name), message });
+        }
+    }
 }
 
 fn camera(table: &Table) -> Result<Camera, Error> {

@@ -14,6 +14,9 @@ use std::f64::consts::{PI, TAU};
 
 use super::Scene;
 
+/// Largest radiance and irradiance that a scene may hold, so that sums of them stay finite in `f32`.
+pub(super) const BRIGHTEST: f32 = 1e12;
+
 /// A lat-long environment: radiance constant over each texel, so that sampling it by texel is exact.
 ///
 /// For a unit direction d towards the sky, after turning it about +y by −`rotation_degrees`:
@@ -24,7 +27,7 @@ pub struct Environment {
     pub width: u32,
     /// Texels from zenith to nadir, ≥ 1.
     pub height: u32,
-    /// `width × height` radiances, row by row from the zenith, finite and ≥ 0.
+    /// `width × height` radiances, row by row from the zenith, in [0, 10¹²].
     pub texels: Vec<Vec3>,
     /// Turns the sky about +y, counter-clockwise seen from above.
     pub rotation_degrees: f32,

@@ -9,7 +9,7 @@ pub struct Material {
     pub name: String,
     /// How it scatters.
     pub surface: Surface,
-    /// Emitted radiance, W·sr⁻¹·m⁻², ≥ 0.
+    /// Emitted radiance, W·sr⁻¹·m⁻², in [0, 10¹²].
     pub emission: Vec3,
     /// Emits from the back of its triangles too.
     pub emits_both_sides: bool,
@@ -73,6 +73,26 @@ pub enum Fresnel {
         /// Extinction, ≥ 0.
         kappa: Vec3,
     },
+}
+
+impl Surface {
+    /// The colour that a texture may multiply, where the model has one.
+    pub(super) fn color_mut(&mut self) -> Option<&mut Color> {
+        match self {
+            Surface::Diffuse { albedo } | Surface::Coated { albedo, .. } => Some(albedo),
+            Surface::Conductor { fresnel: Fresnel::Schlick { f0 }, .. } => Some(f0),
+            Surface::Conductor { fresnel: Fresnel::Complex { .. }, .. } | Surface::Dielectric { .. } => None,
+        }
+    }
+
+    /// Index into [`super::Scene::textures`] of the texture that its colour is multiplied by.
+    pub fn texture(&self) -> Option<u32> {
+        match self {
+            Surface::Diffuse { albedo } | Surface::Coated { albedo, .. } => albedo.texture,
+            Surface::Conductor { fresnel: Fresnel::Schlick { f0 }, .. } => f0.texture,
+            Surface::Conductor { fresnel: Fresnel::Complex { .. }, .. } | Surface::Dielectric { .. } => None,
+        }
+    }
 }
 
 impl Color {

@@ -1,6 +1,6 @@
 //! Triangle meshes and where they stand.
 
-use glam::{Affine3A, Vec2, Vec3};
+use glam::{Affine3A, BVec3, Vec2, Vec3};
 use rayon::slice::ParallelSliceMut;
 
 /// An indexed triangle mesh. Attributes share one index.
@@ -196,19 +196,25 @@ impl Bounds {
     }
 }
 
-/// The world-space box around instances of meshes.
+/// A world-space box around instances of meshes: around the corners of each mesh's own box, so that ten thousand
+/// instances of a large mesh cost no more than ten thousand boxes.
 pub(super) fn bounds(meshes: &[Mesh], instances: &[Instance]) -> Bounds {
+    let around =
+        |mesh: &Mesh| mesh.positions.iter().fold(Bounds::EMPTY, |bounds, &position| bounds.including(position));
+    let boxes: Vec<Bounds> = meshes.iter().map(around).collect();
     let mut bounds = Bounds::EMPTY;
     for instance in instances {
-        for position in &meshes[instance.mesh as usize].positions {
-            bounds = bounds.including(instance.object_to_world.transform_point3(*position));
+        let Bounds { min, max } = boxes[instance.mesh as usize];
+        for corner in 0..8 {
+            let upper = BVec3::new(corner & 1 != 0, corner & 2 != 0, corner & 4 != 0);
+            bounds = bounds.including(instance.object_to_world.transform_point3(Vec3::select(upper, max, min)));
         }
     }
     bounds
 }
 
 impl super::Scene {
-    /// The world-space box around all instances.
+    /// A world-space box around all instances, each taken as its mesh's box.
     pub fn bounds(&self) -> Bounds {
         bounds(&self.meshes, &self.instances)
     }

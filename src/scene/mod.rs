@@ -18,6 +18,7 @@ mod metals;
 mod mtl;
 mod normals;
 mod obj;
+mod polygon;
 mod statements;
 mod table;
 mod texture;

@@ -1,13 +1,13 @@
 //! Wavefront MTL files, through `tobj`, and what their statements amount to here.
 
 use std::collections::{BTreeMap, HashMap};
-use std::fs::File;
 use std::io::BufReader;
 use std::path::{Path, PathBuf};
 
 use glam::{Vec2, Vec3};
 
-use super::error::{Error, Place, Warning, quote};
+use super::error::{Error, Place, Warning, open, quote};
+use super::light::BRIGHTEST;
 use super::obj::beside;
 use super::statements::{Fault, Statements, number};
 use super::{Color, Fresnel, Material, Surface};
@@ -26,6 +26,7 @@ pub(super) struct Library {
 }
 
 /// A material of an MTL file.
+#[derive(Clone)]
 struct Definition {
     place: Place,
     material: tobj::Material,
@@ -67,14 +68,14 @@ impl Library {
     }
 
     fn read_material_file(&mut self, path: &Path, named_by: &Place) -> Result<(), Error> {
-        let file = match File::open(path) {
+        let file = match open(path, Some(named_by)) {
             Ok(file) => file,
-            Err(source) if source.kind() == std::io::ErrorKind::NotFound => {
+            Err(Error::Read { source, .. }) if source.kind() == std::io::ErrorKind::NotFound => {
                 let message = format!("there is no {}: its materials are grey and diffuse", path.display());
                 self.warn(named_by.clone(), message);
                 return Ok(());
             }
-            Err(source) => return Err(Error::read(path, Some(named_by), source)),
+            Err(error) => return Err(error),
         };
         let mut lines = HashMap::new();
         let mut named = false;
@@ -84,7 +85,7 @@ impl Library {
             lines.extend(name.map(|name| (name, line)));
             Ok(())
         };
-        let mut statements = Statements::new(path, BufReader::new(file), check);
+        let mut statements = Statements::new(path, Some(named_by), BufReader::new(file), check);
         let materials = match tobj::load_mtl_buf(&mut statements) {
             Ok((materials, _)) => materials,
             Err(error) => return Err(statements.into_error(error)),
@@ -107,12 +108,8 @@ impl Library {
     /// Adds the material of a name in an OBJ file. Returns its index.
     pub fn material(&mut self, obj: &Path, name: &str) -> u32 {
         let index = self.materials.len() as u32;
-        let material = match self.definitions.remove(name) {
-            Some(definition) => {
-                let material = self.interpret(&definition);
-                self.definitions.insert(name.to_owned(), definition);
-                material
-            }
+        let material = match self.definitions.get(name).cloned() {
+            Some(definition) => self.interpret(&definition),
             None => {
                 self.undefined.push((index, obj.to_owned()));
                 default_material(name)
@@ -254,6 +251,9 @@ fn check(statement: &str, named: bool, out: &mut String) -> Result<Option<String
                 None => [red, red],
                 Some(green) => [non_negative(&mut [green].into_iter())?, non_negative(&mut words)?],
             };
+            if red.max(green).max(blue) > BRIGHTEST {
+                return Err(Fault::new(quote(rest), format!("numbers of at most {BRIGHTEST:e}")));
+            }
             out.push_str(&format!("{keyword} {red} {green} {blue}\n"));
         }
         "Ns" | "Ni" | "Pr" | "Pm" | "aniso" => {

@@ -1,14 +1,14 @@
 //! Wavefront OBJ files, through `tobj`.
 
 use std::collections::HashMap;
-use std::fs::File;
 use std::io::BufReader;
 use std::path::{Path, PathBuf};
 
 use glam::{Vec2, Vec3};
 
-use super::error::{Error, Place, quote};
+use super::error::{Error, Place, open, quote};
 use super::mesh::LARGEST_COORDINATE;
+use super::polygon::{MOST_EARS, triangulate};
 use super::statements::{Fault, Statements, number};
 use super::{Mesh, mtl, normals};
 
@@ -33,44 +33,8 @@ pub(super) enum Normals {
 pub(super) const CREASE_DEGREES: f32 = 40.0;
 
 /// Statements of the OBJ specification (Wavefront, version 3.0) that say nothing to a renderer of triangles.
-const IGNORED: [&str; 36] = [
-    "o",
-    "g",
-    "s",
-    "mg",
-    "lod",
-    "p",
-    "l",
-    "vp",
-    "cstype",
-    "deg",
-    "bmat",
-    "step",
-    "curv",
-    "curv2",
-    "surf",
-    "parm",
-    "trim",
-    "hole",
-    "scrv",
-    "sp",
-    "end",
-    "con",
-    "bevel",
-    "c_interp",
-    "d_interp",
-    "maplib",
-    "usemap",
-    "shadow_obj",
-    "trace_obj",
-    "ctech",
-    "stech",
-    "call",
-    "csh",
-    "bsp",
-    "bzp",
-    "cdc",
-];
+const IGNORED: &str = "o g s mg lod p l vp cstype deg bmat step curv curv2 surf parm trim hole scrv sp end con bevel \
+    c_interp d_interp maplib usemap shadow_obj trace_obj ctech stech call csh bsp bzp cdc";
 
 /// Those of them whose absence from the picture deserves a warning.
 const DRAWABLE: [&str; 5] = ["p", "l", "curv", "curv2", "surf"];
@@ -102,6 +66,7 @@ impl Census {
         let (keyword, rest) = statement.split_once(char::is_whitespace).unwrap_or((statement, ""));
         let rest = rest.trim();
         let numbers = rest.split('#').next().unwrap_or_default();
+        let uncommented = numbers.len() == rest.len();
         let mut words = numbers.split_whitespace();
         match keyword {
             "v" => {
@@ -110,7 +75,11 @@ impl Census {
                     coordinate(&mut words).map_err(|fault| fault.of(format!("vertex {}", self.positions + 1)))?;
                 }
                 self.positions += 1;
-                push_words(out, "v", numbers, 3);
+                if words.next().is_none() && uncommented {
+                    push_line(out, statement);
+                } else {
+                    push_words(out, "v", numbers, 3);
+                }
             }
             "vt" => {
                 coordinate(&mut words).map_err(|fault| fault.of(format!("texture coordinate {}", self.uvs + 1)))?;
@@ -136,7 +105,11 @@ impl Census {
                 if corners < 3 {
                     return Err(Fault::new(format!("a face of {corners} corners"), "at least 3"));
                 }
-                push_words(out, "f", numbers, usize::MAX);
+                if uncommented {
+                    push_line(out, statement);
+                } else {
+                    push_words(out, "f", numbers, usize::MAX);
+                }
             }
             "mtllib" if rest.is_empty() => return Err(Fault::new("no name", "the name of an MTL file")),
             "mtllib" => self.libraries.push((line, rest.to_owned())),
@@ -155,7 +128,7 @@ impl Census {
             _ if DRAWABLE.contains(&keyword) => {
                 self.warn_once(line, format!("`{keyword}` (points, lines, curves) is not rendered"));
             }
-            _ if IGNORED.contains(&keyword) => {}
+            _ if IGNORED.split_whitespace().any(|ignored| ignored == keyword) => {}
             _ if keyword.starts_with('#') => {}
             _ => {
                 return Err(Fault::new(
@@ -197,6 +170,11 @@ impl Census {
     }
 }
 
+fn push_line(out: &mut String, statement: &str) {
+    out.push_str(statement);
+    out.push('\n');
+}
+
 /// Appends a keyword and up to `count` words as a line.
 fn push_words(out: &mut String, keyword: &str, rest: &str, count: usize) {
     out.push_str(keyword);
@@ -218,11 +196,11 @@ fn coordinate<'a>(words: &mut impl Iterator<Item = &'a str>) -> Result<(), Fault
 
 /// Reads an OBJ file into one mesh. Its materials and their textures go to `library`.
 pub(super) fn load(path: &Path, normals: Normals, library: &mut mtl::Library) -> Result<Mesh, Error> {
-    let file = File::open(path).map_err(|source| Error::read(path, None, source))?;
+    let file = open(path, None)?;
     let mut census = Census::default();
     let check = |line: usize, statement: &str, out: &mut String| census.check(line, statement, out);
-    let mut statements = Statements::new(path, BufReader::with_capacity(1 << 16, file), check);
-    let options = tobj::LoadOptions { single_index: true, triangulate: true, ..Default::default() };
+    let mut statements = Statements::new(path, None, BufReader::with_capacity(1 << 16, file), check);
+    let options = tobj::LoadOptions { single_index: true, ..Default::default() };
     let models = match tobj::load_obj_buf(&mut statements, &options, numbered_library) {
         Ok((models, _)) => models,
         Err(error) => return Err(statements.into_error(error)),
@@ -305,8 +283,23 @@ fn convert(model: tobj::Mesh, material: u32, path: &Path, library: &mut mtl::Lib
     if partly(normals.len(), "normals") {
         normals = Vec::new();
     }
-    let triangles: Vec<[u32; 3]> =
-        model.indices.chunks_exact(3).map(|corners| [corners[0], corners[1], corners[2]]).collect();
+    let mut triangles = Vec::new();
+    if model.face_arities.is_empty() {
+        triangles = model.indices.chunks_exact(3).map(|corners| [corners[0], corners[1], corners[2]]).collect();
+    } else {
+        let mut rest = &model.indices[..];
+        let mut approximate = 0;
+        for &arity in &model.face_arities {
+            let (polygon, others) = rest.split_at(arity as usize);
+            rest = others;
+            approximate += usize::from(!triangulate(polygon, &positions, &mut triangles));
+        }
+        if approximate > 0 {
+            let message =
+                format!("{approximate} polygons of more than {MOST_EARS} corners are cut as if they were convex");
+            library.warn(Place::file(path), message);
+        }
+    }
     let materials = vec![material; triangles.len()];
     Mesh { name: String::new(), positions, normals, uvs, triangles, materials }
 }

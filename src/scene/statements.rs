@@ -30,6 +30,8 @@ impl Fault {
 /// A reader of the statements that `check` appends to its second argument, a whole number of lines at a time.
 pub(super) struct Statements<'a, R, F> {
     file: &'a Path,
+    /// What names the file, unless the user did.
+    needed_by: Option<&'a Place>,
     reader: R,
     check: F,
     /// Last line that was read, from 1.
@@ -41,8 +43,18 @@ pub(super) struct Statements<'a, R, F> {
 }
 
 impl<'a, R: BufRead, F: FnMut(usize, &str, &mut String) -> Result<(), Fault>> Statements<'a, R, F> {
-    pub fn new(file: &'a Path, reader: R, check: F) -> Self {
-        Statements { file, reader, check, line: 0, raw: Vec::new(), checked: String::new(), given: 0, error: None }
+    pub fn new(file: &'a Path, needed_by: Option<&'a Place>, reader: R, check: F) -> Self {
+        Statements {
+            file,
+            needed_by,
+            reader,
+            check,
+            line: 0,
+            raw: Vec::new(),
+            checked: String::new(),
+            given: 0,
+            error: None,
+        }
     }
 
     /// The error that stopped the reading, or else `otherwise` at the last line that was read.
@@ -58,22 +70,23 @@ impl<'a, R: BufRead, F: FnMut(usize, &str, &mut String) -> Result<(), Fault>> St
             let start = self.raw.len();
             let room = (LONGEST - start) as u64;
             let read = (&mut self.reader).take(room).read_until(b'\n', &mut self.raw);
-            let read = read.map_err(|source| Error::read(self.file, None, source))?;
+            let read = read.map_err(|source| Error::read(self.file, self.needed_by, source))?;
+            if self.raw.len() >= LONGEST {
+                let found = format!("a statement longer than {} MiB", LONGEST >> 20);
+                return Err(Error::unexpected(Place::line(self.file, self.line + 1), found, "a shorter one"));
+            }
             if read == 0 {
-                if self.raw.len() >= LONGEST {
-                    let found = format!("a statement longer than {} MiB", LONGEST >> 20);
-                    return Err(Error::unexpected(Place::line(self.file, self.line), found, "a shorter one"));
+                match start {
+                    0 => return Ok(false),
+                    _ => break,
                 }
-                if start == 0 {
-                    return Ok(false);
-                }
-                break;
             }
             self.line += 1;
             let end = self.raw.trim_ascii_end().len();
             self.raw.truncate(end.max(start));
+            let comment = self.raw.trim_ascii_start().first() == Some(&b'#');
             match self.raw.last_mut() {
-                Some(last @ b'\\') => *last = b' ',
+                Some(last @ b'\\') if !comment => *last = b' ',
                 _ => break,
             }
         }

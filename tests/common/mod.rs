@@ -1,6 +1,7 @@
 //! What tests of renderers share: the drivers that are installed, small scenes built in code, and a way to render them.
 #![allow(dead_code)] // each test file uses a part of it
 
+pub mod bsdf_structs;
 pub mod gpu_structs;
 
 use std::sync::Arc;

@@ -1,0 +1,359 @@
+//! The shaders against the CPU's definitions, on every driver.
+//!
+//! A value is compared with what the definition gives for the same `f32` input. Where the value itself hardly changes
+//! when an input changes by an ulp, they agree to 10⁻⁴. Elsewhere (the flank of a lobe 10⁻⁴ wide moves by a percent)
+//! no arithmetic in `f32` can do that; there the shader has to be exact for an input a few ulp away: it may differ by
+//! [`ULPS`] times the sum of what an ulp in each input changes.
+
+use std::fmt::Write;
+use std::sync::Arc;
+
+use glam::{DVec3, Vec3};
+use neubrdf::gpu::{Buffer, Commands, Device, Kernel, Memory, spirv};
+use neubrdf::material::{self, Bsdf, BsdfSample, CoatAlbedo};
+use neubrdf::render::{Family, MaterialTable, family};
+use neubrdf::scene::{Material, Surface};
+use rayon::prelude::*;
+
+use crate::common::bsdf_structs::{BsdfTestCase, BsdfTestPush, BsdfTestResult};
+use crate::common::{LAVAPIPE, SWIFTSHADER, driver};
+use crate::configurations::{self, Configuration, coated, describe, diffuse, glass, gold, schlick};
+use crate::sampling::{Histogram, SAMPLES, hard_direction, judge, write_evidence};
+use crate::sphere::Random;
+
+/// How many ulp of its inputs a shader may be off.
+const ULPS: f64 = 64.0;
+
+/// How far a well-conditioned value may be off.
+const RELATIVE: f64 = 1e-4;
+
+/// Runs a check on lavapipe and on SwiftShader, under validation, with a short name for each.
+fn on_both_drivers(check: impl Fn(&Arc<Device>, &str)) {
+    for name in [LAVAPIPE, SWIFTSHADER] {
+        if let Some(driver) = driver(name) {
+            check(&driver.device, &name.to_lowercase());
+            driver.finish();
+        }
+    }
+}
+
+/// A family's test kernel and the surfaces that it knows.
+struct Shader {
+    device: Arc<Device>,
+    kernel: Kernel,
+    materials: Buffer,
+    _coat_tables: Buffer,
+}
+
+impl Shader {
+    fn new(device: &Arc<Device>, surfaces: &[Surface]) -> Shader {
+        let kernel_name = format!("test_bsdf_{}", family(&surfaces[0]).name());
+        let as_material = |surface: &Surface| Material {
+            name: describe(surface),
+            surface: surface.clone(),
+            emission: Vec3::ZERO,
+            emits_both_sides: false,
+        };
+        let table = MaterialTable::new(&surfaces.iter().map(as_material).collect::<Vec<_>>());
+        let tables = if table.coat_tables.is_empty() { vec![0.0] } else { table.coat_tables.clone() };
+        let coat_tables = Buffer::with_data(device, "coat tables", &tables).unwrap();
+        let materials = Buffer::with_data(device, "materials", &table.records(coat_tables.address())).unwrap();
+        let kernel = Kernel::new(device, spirv::load(&kernel_name).unwrap(), &[]).unwrap();
+        Shader { device: device.clone(), kernel, materials, _coat_tables: coat_tables }
+    }
+
+    fn run(&self, cases: &[BsdfTestCase]) -> Vec<BsdfTestResult> {
+        let input = Buffer::with_data(&self.device, "cases", cases).unwrap();
+        let bytes = size_of::<BsdfTestResult>() * cases.len();
+        let output = Buffer::new(&self.device, "results", bytes as u64, Memory::Device).unwrap();
+        let mut commands = Commands::begin(&self.device).unwrap();
+        let push = BsdfTestPush {
+            materials: self.materials.address(),
+            cases: input.address(),
+            results: output.address(),
+            count: cases.len() as u32,
+            pad: 0,
+        };
+        commands.dispatch(&self.kernel, self.kernel.groups_for(push.count), &push);
+        self.device.submit(commands).unwrap().wait().unwrap();
+        output.read().unwrap()
+    }
+}
+
+fn case(material: usize, wo: DVec3, wi: DVec3, u: [f64; 3]) -> BsdfTestCase {
+    BsdfTestCase {
+        wo: wo.as_vec3().into(),
+        material: material as u32,
+        wi: wi.as_vec3().into(),
+        pad: 0,
+        u: u.map(|u| u as f32),
+        pad_2: 0,
+    }
+}
+
+/// The surfaces of a family, from harmless to hard.
+fn surfaces(family: Family) -> Vec<Surface> {
+    let white = Vec3::ONE;
+    let tint = Vec3::new(0.9, 0.5, 0.1);
+    let alphas = [1e-4, 1e-3, 0.01, 0.05, 0.2, 0.5, 1.0, 0.0];
+    match family {
+        Family::Diffuse => vec![diffuse()],
+        Family::Conductor => {
+            let mut surfaces = vec![schlick(tint, 0.02, 0.6), schlick(white, 1e-4, 1.0), gold(0.3, 0.05)];
+            surfaces.extend(alphas.map(|alpha| gold(alpha, alpha)));
+            surfaces
+        }
+        Family::Dielectric => {
+            let iors = [1.5, 2.4, 0.7, 10.0, 1.01, 1.0005];
+            alphas.iter().flat_map(|&alpha| iors.map(|ior| glass(ior, alpha))).chain([glass(1.0, 0.3)]).collect()
+        }
+        Family::Coated => {
+            let iors = [1.5, 1.1, 3.0];
+            let rough = alphas.iter().flat_map(|&alpha| iors.map(|ior| coated(tint, ior, alpha)));
+            rough.chain([coated(white, 1.0, 0.1), coated(Vec3::ZERO, 1.5, 0.1)]).collect()
+        }
+    }
+}
+
+/// Directions and random numbers for each surface in turn: uniform ones, pairs that a lobe joins, and hard ones.
+fn cases(surfaces: &[Surface], coats: &[CoatAlbedo], count: usize) -> Vec<BsdfTestCase> {
+    let mut random = Random(surfaces.len() as u64);
+    let single = |w: DVec3| w.as_vec3().as_dvec3();
+    (0..count)
+        .map(|i| {
+            let material = i % surfaces.len();
+            let surface = &surfaces[material];
+            let kind = (i / surfaces.len()) as u64;
+            let is_hard = kind % 4 == 3;
+            let mut wo = if is_hard { hard_direction(&mut random, kind / 4) } else { random.direction() };
+            if !matches!(surface, Surface::Dielectric { .. }) && !kind.is_multiple_of(16) {
+                wo.z = wo.z.abs();
+            }
+            let wo = single(wo);
+            let u = random.units();
+            let bsdf = Bsdf::new(surface, material::color(surface).value.as_dvec3(), &coats[material]);
+            let wi = match kind % 3 {
+                0 => bsdf.sample(wo, random.units()).map(|sample| sample.wi),
+                _ if is_hard => Some(hard_direction(&mut random, kind / 7)),
+                _ => None,
+            };
+            case(material, wo, wi.unwrap_or_else(|| random.direction()), u)
+        })
+        .collect()
+}
+
+/// What a comparison found.
+#[derive(Default)]
+struct Deviation {
+    /// Largest relative difference of well-conditioned values, and where.
+    worst: (f64, String),
+    /// Largest difference of the others, as a share of what is allowed, and where.
+    worst_ill: (f64, String),
+    compared: usize,
+    ill_conditioned: usize,
+}
+
+impl Deviation {
+    /// Compares a value with its definition; `spread` is what an ulp in each input changes, summed.
+    fn compare(&mut self, found: f64, expected: f64, spread: f64, context: impl Fn() -> String) {
+        self.compared += 1;
+        let difference = (found - expected).abs();
+        let scale = expected.abs().max(1e-30);
+        if ULPS * spread <= RELATIVE * scale {
+            if difference / scale > self.worst.0 {
+                self.worst = (difference / scale, format!("{found:e}, not {expected:e}: {}", context()));
+            }
+        } else {
+            self.ill_conditioned += 1;
+            let allowed = ULPS * spread + RELATIVE * scale;
+            if difference / allowed > self.worst_ill.0 {
+                self.worst_ill = (difference / allowed, format!("{found:e}, not {expected:e}: {}", context()));
+            }
+        }
+    }
+
+    fn merge(self, other: Deviation) -> Deviation {
+        let worse = |a: (f64, String), b: (f64, String)| if a.0 >= b.0 { a } else { b };
+        Deviation {
+            worst: worse(self.worst, other.worst),
+            worst_ill: worse(self.worst_ill, other.worst_ill),
+            compared: self.compared + other.compared,
+            ill_conditioned: self.ill_conditioned + other.ill_conditioned,
+        }
+    }
+
+    fn holds(&self) -> bool {
+        self.worst.0 <= RELATIVE && self.worst_ill.0 <= 1.0
+    }
+
+    fn report(&self, what: &str) -> String {
+        format!(
+            "{what}: {} values, worst relative difference {:.1e} ({})\n    {:.2} % ill-conditioned, worst {:.2} of what is allowed ({})\n",
+            self.compared,
+            self.worst.0,
+            self.worst.1,
+            100.0 * self.ill_conditioned as f64 / self.compared as f64,
+            self.worst_ill.0,
+            self.worst_ill.1
+        )
+    }
+}
+
+/// The inputs with one number changed by an ulp, each in turn. From `absolute` on, by an ulp of 1.
+fn neighbours(inputs: &[f64], absolute: usize) -> impl Iterator<Item = Vec<f64>> + '_ {
+    (0..inputs.len()).map(move |i| {
+        let mut changed = inputs.to_vec();
+        changed[i] += if i < absolute { inputs[i] } else { 1.0 } * f64::from(f32::EPSILON) / 2.0;
+        changed
+    })
+}
+
+fn vector(numbers: &[f64]) -> DVec3 {
+    DVec3::from_slice(numbers)
+}
+
+/// f and the pdf.
+fn definition(bsdf: &Bsdf, inputs: &[f64]) -> ([f64; 3], f64) {
+    let (wo, wi) = (vector(inputs), vector(&inputs[3..]));
+    (bsdf.eval(wo, wi).into(), bsdf.pdf(wo, wi))
+}
+
+fn compare_values(bsdf: &Bsdf, case: &BsdfTestCase, result: &BsdfTestResult, name: &str) -> Deviation {
+    let mut deviation = Deviation::default();
+    let inputs: Vec<f64> = case.wo.iter().chain(&case.wi).map(|&x| x.into()).collect();
+    let (value, pdf) = definition(bsdf, &inputs);
+    let mut spread = [0.0; 4];
+    for changed in neighbours(&inputs, 6) {
+        let (other, other_pdf) = definition(bsdf, &changed);
+        for i in 0..3 {
+            spread[i] += (other[i] - value[i]).abs();
+        }
+        spread[3] += (other_pdf - pdf).abs();
+    }
+    let context = || format!("{name} wo {:?} wi {:?}", case.wo, case.wi);
+    for i in 0..4 {
+        let expected = if i < 3 { value[i] } else { pdf };
+        deviation.compare(result.eval_pdf[i].into(), expected, spread[i], context);
+    }
+    deviation
+}
+
+/// Compares what is sampled. `None`: the shader decided otherwise in a close decision.
+fn compare_samples(bsdf: &Bsdf, case: &BsdfTestCase, result: &BsdfTestResult, name: &str) -> Option<Deviation> {
+    let mut deviation = Deviation::default();
+    let inputs: Vec<f64> = case.wo.iter().chain(&case.u).map(|&x| x.into()).collect();
+    // A direction of length 1 + 10⁻⁷ is no mirror image of itself about facets that are all but parallel to it.
+    let sample = |inputs: &[f64]| bsdf.sample(vector(inputs).normalize(), [inputs[3], inputs[4], inputs[5]]);
+    let numbers = |s: &BsdfSample| [s.wi.x, s.wi.y, s.wi.z, s.weight.x, s.weight.y, s.weight.z, s.pdf];
+    let context = || format!("{name} wo {:?} u {:?}", case.wo, case.u);
+    let Some(expected) = sample(&inputs) else {
+        let is_close = result.pdf == 0.0 || result.wi[2].abs() < 1e-4;
+        assert!(is_close, "{result:?}, but there is no sample: {}", context());
+        return (result.pdf == 0.0).then_some(deviation);
+    };
+    let found = numbers(&BsdfSample {
+        wi: Vec3::from(result.wi).as_dvec3(),
+        weight: Vec3::from(result.weight).as_dvec3(),
+        pdf: result.pdf.into(),
+        is_delta: result.is_delta & 1 != 0,
+    });
+    // The lobe is chosen by u.z, which may be next to the threshold; then neighbours of it choose the other lobe too.
+    let nearby = |shift: f64| sample(&[&inputs[..5], &[(inputs[5] + shift).clamp(0.0, 1.0)]].concat());
+    let lobe = |s: &BsdfSample| (s.wi.z > 0.0, s.is_delta);
+    let is_close = [-1e-5, 1e-5].iter().any(|&shift| nearby(shift).is_none_or(|near| lobe(&near) != lobe(&expected)))
+        || expected.wi.z.abs() < 1e-4;
+    if result.pdf == 0.0 || lobe(&expected) != (result.wi[2] > 0.0, result.is_delta & 1 != 0) {
+        assert!(is_close, "{result:?}, not {expected:?}: {}", context());
+        return None;
+    }
+    let base = numbers(&expected);
+    let mut spread = [0.0; 7];
+    // 1 - u is what the samplers use too.
+    for changed in neighbours(&inputs, 3) {
+        let other = sample(&changed).filter(|other| lobe(other) == lobe(&expected))?;
+        for (spread, (other, base)) in spread.iter_mut().zip(numbers(&other).iter().zip(base)) {
+            *spread += (other - base).abs();
+        }
+    }
+    for i in 0..7 {
+        // Components of a unit vector are known to an ulp of 1.
+        let rounding = if i < 3 { f64::from(f32::EPSILON) } else { 0.0 };
+        deviation.compare(found[i], base[i], spread[i] + rounding, context);
+    }
+    Some(deviation)
+}
+
+#[test]
+fn shaders_agree_with_the_definitions() {
+    const COUNT: usize = 250_000;
+    on_both_drivers(|device, name| {
+        let mut text = String::new();
+        let mut holds = true;
+        for family in Family::ALL {
+            let surfaces = surfaces(family);
+            let coats: Vec<_> = surfaces.iter().map(CoatAlbedo::new).collect();
+            let cases = cases(&surfaces, &coats, COUNT);
+            let results = Shader::new(device, &surfaces).run(&cases);
+            let (values, samples, undecided) = cases
+                .par_iter()
+                .zip(&results)
+                .map(|(case, result)| {
+                    let index = case.material as usize;
+                    let surface = &surfaces[index];
+                    let bsdf = Bsdf::new(surface, material::color(surface).value.as_dvec3(), &coats[index]);
+                    let surface_name = describe(surface);
+                    let numbers = result.eval_pdf.iter().chain(&result.weight).chain([&result.pdf]);
+                    assert!(
+                        numbers.copied().all(|x| x.is_finite() && x >= 0.0),
+                        "{result:?}: {surface_name} {case:?} on {name}"
+                    );
+                    assert!((Vec3::from(result.wi).length() - 1.0).abs() < 1e-5, "{result:?}: {surface_name} {case:?}");
+                    assert_eq!(result.is_delta & 2 != 0, bsdf.is_delta(), "{surface_name}");
+                    let values = compare_values(&bsdf, case, result, &surface_name);
+                    match compare_samples(&bsdf, case, result, &surface_name) {
+                        Some(samples) => (values, samples, 0),
+                        None => (values, Deviation::default(), 1),
+                    }
+                })
+                .reduce(Default::default, |a, b| (a.0.merge(b.0), a.1.merge(b.1), a.2 + b.2));
+            holds &= values.holds() && samples.holds() && undecided < COUNT / 200;
+            text += &values.report(&format!("{} values", family.name()));
+            text += &samples.report(&format!("{} samples", family.name()));
+            writeln!(text, "    {undecided} of {COUNT} samples at a close decision").unwrap();
+        }
+        write_evidence(&format!("bsdf_parity_{name}.txt"), &text);
+        assert!(holds, "{name}\n{text}");
+    });
+}
+
+#[test]
+fn shaders_sample_what_the_density_says() {
+    let configurations = configurations::all();
+    on_both_drivers(|device, name| {
+        // Each family has its share of one configuration in three, and of one in six on the slower driver.
+        let step = if name == LAVAPIPE { 3 } else { 6 };
+        let chosen: Vec<_> = configurations.iter().enumerate().skip(1).step_by(step).collect();
+        let histogram = |&(index, configuration): &(usize, &Configuration)| {
+            let mut random = Random(5000 + index as u64);
+            let shader = Shader::new(device, std::slice::from_ref(&configuration.surface));
+            let wo = configuration.wo.as_vec3().as_dvec3();
+            let cases: Vec<_> = (0..SAMPLES).map(|_| case(0, wo, DVec3::Z, random.units())).collect();
+            let mut histogram = Histogram::new(configuration);
+            for result in shader.run(&cases) {
+                let wi = Vec3::from(result.wi).as_dvec3();
+                let is_delta = result.is_delta & 1 != 0;
+                histogram.add((result.pdf > 0.0).then_some((wi, result.pdf.into(), is_delta)));
+            }
+            histogram
+        };
+        let histograms: Vec<Histogram> = chosen.iter().map(histogram).collect();
+        // The density is the definition's: that the shaders' is the same, the test of parity shows.
+        let judged = |(&(_, configuration), histogram): (&(usize, &Configuration), &Histogram)| {
+            let bsdf = configuration.bsdf();
+            let (test, integral) = histogram.test(|wi| bsdf.pdf(configuration.wo, wi));
+            (histogram.report(&configuration.name, &test, integral), test.p_value, true)
+        };
+        let results: Vec<_> = chosen.par_iter().zip(&histograms).map(judged).collect();
+        judge(&format!("bsdf_chi_square_{name}.txt"), &results);
+    });
+}

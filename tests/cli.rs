@@ -1,0 +1,203 @@
+//! The command line, as a user meets it.
+
+mod common;
+
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+
+use common::{LAVAPIPE, driver};
+use neubrdf::image::{plane, read_exr};
+use tempfile::TempDir;
+
+fn neubrdf(arguments: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_neubrdf")).args(arguments).output().unwrap()
+}
+
+fn stderr(output: &Output) -> String {
+    String::from_utf8_lossy(&output.stderr).into_owned()
+}
+
+/// Runs, insists on success, gives standard output.
+fn succeed(arguments: &[&str]) -> String {
+    let output = neubrdf(arguments);
+    assert!(output.status.success(), "{arguments:?}: {}", stderr(&output));
+    String::from_utf8(output.stdout).unwrap()
+}
+
+/// Runs, insists on failure by a message, gives that.
+fn fail(arguments: &[&str]) -> String {
+    let output = neubrdf(arguments);
+    let message = stderr(&output);
+    assert!(!output.status.success() && !message.contains("panicked"), "{arguments:?}: {message}");
+    message
+}
+
+/// A directory with a bare OBJ in it: a tetrahedron.
+fn bare_obj() -> (TempDir, PathBuf) {
+    let directory = tempfile::tempdir().unwrap();
+    let path = directory.path().join("tetrahedron.obj");
+    std::fs::write(&path, "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n").unwrap();
+    (directory, path)
+}
+
+fn text(path: &Path) -> &str {
+    path.to_str().unwrap()
+}
+
+#[test]
+fn info_lists_the_devices() {
+    if driver(LAVAPIPE).is_none() {
+        return;
+    }
+    let listing = succeed(&["info"]);
+    assert!(listing.contains("llvmpipe") && listing.contains("traversal"), "{listing}");
+}
+
+#[test]
+fn no_device_is_an_error_with_a_remedy() {
+    if driver(LAVAPIPE).is_none() {
+        return;
+    }
+    let (directory, obj) = bare_obj();
+    let png = directory.path().join("out.png");
+    let message = fail(&["render", text(&obj), "--png", text(&png), "--device", "voodoo"]);
+    assert!(message.contains("voodoo"), "{message}");
+    let output = Command::new(env!("CARGO_BIN_EXE_neubrdf"))
+        .args(["render", text(&obj), "--png", text(&png)])
+        .env("VK_DRIVER_FILES", "/nonexistent.json")
+        .env_remove("VK_ADD_DRIVER_FILES")
+        .output()
+        .unwrap();
+    let message = stderr(&output);
+    assert!(!output.status.success() && message.contains("mesa-vulkan-drivers"), "{message}");
+    assert!(!png.exists());
+}
+
+#[test]
+fn a_bare_obj_renders() {
+    if driver(LAVAPIPE).is_none() {
+        return;
+    }
+    let (directory, obj) = bare_obj();
+    let (exr, png) = (directory.path().join("out.exr"), directory.path().join("out.png"));
+    let statistics = succeed(&[
+        "render",
+        text(&obj),
+        "-o",
+        text(&exr),
+        "--png",
+        text(&png),
+        "--spp",
+        "4",
+        "--size",
+        "32x24",
+        "--quiet",
+        "--stats",
+        "json",
+    ]);
+    let statistics: serde_json::Value = serde_json::from_str(&statistics).unwrap();
+    assert_eq!(statistics["spp"], 4);
+    assert_eq!(statistics["stopped"], "samples");
+    let (picture, metadata) = read_exr(&exr).unwrap();
+    assert_eq!((picture.width, picture.height, metadata.spp), (32, 24, 4));
+    for name in
+        plane::BEAUTY.iter().chain(&plane::VARIANCE).chain(&plane::ALBEDO).chain(&plane::NORMAL).chain([&plane::DEPTH])
+    {
+        assert!(picture.f32(name).is_some(), "{name}");
+    }
+    for name in [plane::PRIMITIVE_ID, plane::MATERIAL_ID, plane::SAMPLES] {
+        assert!(picture.u32(name).is_some(), "{name}");
+    }
+    // The camera is framed on the bounds: the body is in the picture, and so is the sky around it.
+    let seen = picture.u32(plane::PRIMITIVE_ID).unwrap().iter().filter(|id| **id != plane::NO_ID).count();
+    assert!((50..700).contains(&seen), "{seen} of 768 pixels see the body");
+    assert_eq!(image::open(&png).unwrap().width(), 32);
+}
+
+#[test]
+fn an_interrupted_render_resumes_to_the_same_file() {
+    if driver(LAVAPIPE).is_none() {
+        return;
+    }
+    let (directory, obj) = bare_obj();
+    let path = |name: &str| directory.path().join(name);
+    let render = |spp: &str, out: &Path, more: &[&str]| {
+        let mut arguments =
+            vec!["render", text(&obj), "--size", "24x24", "--quiet", "--seed", "5", "--spp", spp, "-o", text(out)];
+        arguments.extend(more);
+        succeed(&arguments);
+        let (picture, mut metadata) = read_exr(out).unwrap();
+        // How long it took is the one thing that may differ.
+        metadata.render_seconds = 0.0;
+        (picture, metadata)
+    };
+    let whole = render("12", &path("whole.exr"), &[]);
+    let state = path("state");
+    render("5", &path("part.exr"), &["--checkpoint", text(&state)]);
+    let resumed = render("12", &path("resumed.exr"), &["--checkpoint", text(&state), "--resume"]);
+    assert!(whole == resumed);
+    let message = fail(&[
+        "render",
+        text(&obj),
+        "--size",
+        "25x24",
+        "--checkpoint",
+        text(&state),
+        "--resume",
+        "-o",
+        text(&path("x.exr")),
+    ]);
+    assert!(message.contains("film width 24"), "{message}");
+}
+
+#[test]
+fn a_users_mistake_names_the_thing() {
+    let (directory, obj) = bare_obj();
+    let out = directory.path().join("out.exr");
+    assert!(fail(&["render", "/nonexistent.obj", "-o", text(&out)]).contains("/nonexistent.obj"));
+    assert!(fail(&["render", text(&obj)]).contains("-o"));
+    assert!(fail(&["render", text(&obj), "-o", text(&out), "--size", "0x7"]).contains("0x7"));
+    assert!(fail(&["render", text(&obj), "-o", text(&out), "--aov", "smell"]).contains("albedo"));
+    assert!(fail(&["render", text(&obj), "-o", text(&out), "--traversal", "magic"]).contains("ray-query or bvh"));
+    assert!(fail(&["compare", text(&obj), text(&obj)]).contains("tetrahedron.obj"));
+    assert!(!out.exists());
+}
+
+#[test]
+fn a_target_that_cannot_be_written_is_an_error_before_the_work() {
+    let (_directory, obj) = bare_obj();
+    let message = fail(&["render", text(&obj), "-o", "/nonexistent/out.exr", "--spp", "1000000"]);
+    assert!(message.contains("/nonexistent"), "{message}");
+}
+
+#[test]
+fn compare_exits_by_its_thresholds() {
+    if driver(LAVAPIPE).is_none() {
+        return;
+    }
+    let (directory, obj) = bare_obj();
+    let path = |name: &str| directory.path().join(name);
+    for (name, seed) in [("a.exr", "1"), ("b.exr", "2")] {
+        succeed(&[
+            "render",
+            text(&obj),
+            "-o",
+            text(&path(name)),
+            "--spp",
+            "8",
+            "--size",
+            "32x24",
+            "--quiet",
+            "--seed",
+            seed,
+            "--sampler",
+            "pcg",
+        ]);
+    }
+    let (a, b, difference) = (path("a.exr"), path("b.exr"), path("difference.png"));
+    succeed(&["compare", text(&a), text(&b), "-o", text(&difference), "--min-p", "1e-4"]);
+    assert!(difference.exists());
+    assert!(fail(&["compare", text(&a), text(&b), "--max-mse", "1e-12"]).contains("MSE"));
+    let json: serde_json::Value = serde_json::from_str(&succeed(&["compare", text(&a), text(&a), "--json"])).unwrap();
+    assert_eq!(json["metrics"]["mse"], 0.0);
+}
