@@ -339,7 +339,7 @@ fn absurd_image_sizes_are_errors() {
         assert!(message.contains("a.jpg"), "{message}");
     }
     // Sizes within the limits, of which the file holds next to nothing.
-    for (width, height) in [(1000, 1000), (1 << 20, 1), (1, 1 << 20)] {
+    for (width, height) in [(1000, 1000), (1 << 20, 1), (1, 1 << 20), (16_000_000, 4)] {
         assert!(folder.load_with("a.png", &png_header(width, height)).unwrap_err().contains("a.png"));
         assert!(
             folder.load_with("a.exr", &exr_of_size(&exr, width as i32, height as i32)).unwrap_err().contains("a.exr")

@@ -56,11 +56,9 @@ layout(buffer_reference, scalar, buffer_reference_align = 8) readonly buffer Mes
     uint material;
     uint padding;
 };
-// A struct around it: an array of bare references makes glslang declare a capability for arrays of descriptors.
-struct MeshPointer {
-    MeshRecord record;
+layout(buffer_reference, scalar, buffer_reference_align = 8) readonly buffer MeshArray {
+    uvec2 at[];    // each a MeshRecord: an unsized array of references makes glslang ask for descriptor arrays
 };
-layout(buffer_reference, scalar, buffer_reference_align = 8) readonly buffer MeshArray { MeshPointer at[]; };
 
 struct InstanceRecord {
     mat4x3 object_to_world;

@@ -1,5 +1,6 @@
 //! Image files to linear Rec. 709 texels: PNG and JPEG (taken as sRGB) and OpenEXR (taken as linear).
 
+use std::fs;
 use std::io::Read;
 use std::path::Path;
 
@@ -14,6 +15,10 @@ use super::{Environment, Texture};
 
 /// Most texels that an image may have, so that a broken header is an error and not gigabytes of memory.
 const MOST_TEXELS: u64 = 1 << 26;
+/// Of these, how many need no evidence; beyond, a file must bring a byte for every [`TEXELS_PER_BYTE`].
+const FREE_TEXELS: u64 = 1 << 22;
+/// No codec compresses photographs or skies by more: deflate reaches 350 on constant colours.
+const TEXELS_PER_BYTE: u64 = 1024;
 
 /// Texels row by row from the top.
 struct Picture<T> {
@@ -24,30 +29,22 @@ struct Picture<T> {
 
 /// Reads a texture from a PNG, JPEG or EXR file. Colours above 1, which only EXR can hold, are clamped with a warning.
 pub(super) fn texture(path: &Path, named_by: &Place, warnings: &mut Vec<Warning>) -> Result<Texture, Error> {
-    let picture = if is_exr(path, named_by)? {
-        let (mut clamped, mut unfit) = (0, None);
-        let picture = read_exr(path, |x, y, color| {
-            if !color.is_finite() && unfit.is_none() {
-                unfit = Some((x, y, color));
-            }
-            let albedo = color.clamp(Vec3::ZERO, Vec3::ONE);
-            clamped += usize::from(albedo != color);
-            to_half(albedo)
-        })?;
-        if let Some((x, y, color)) = unfit {
-            return Err(not_finite(path, x, y, color));
-        }
+    let Picture { width, height, texels } = if is_exr(path, named_by)? {
+        let mut picture = read_exr(path)?;
+        check_texels(path, &picture, f32::MAX)?;
+        let clamped = change(&mut picture, |color| color.clamp(Vec3::ZERO, Vec3::ONE));
         if clamped > 0 {
             let message =
                 format!("{clamped} texels lie outside of [0, 1]: clamped, as nothing reflects more than it gets");
             warnings.push(Warning { place: Place::file(path), message });
         }
-        picture
+        let texels = picture.texels.iter().map(|color| color.extend(1.0).to_array().map(f16::from_f32));
+        Picture { width: picture.width, height: picture.height, texels: texels.collect() }
     } else {
         read_srgb(path, named_by)?
     };
     let name = path.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
-    Ok(Texture { name, width: picture.width, height: picture.height, texels: picture.texels })
+    Ok(Texture { name, width, height, texels })
 }
 
 /// Reads a lat-long environment from an EXR file, each radiance times `scale`. Negative radiances become 0 with a
@@ -61,35 +58,40 @@ pub(super) fn environment(
     if !is_exr(path, named_by)? {
         return Err(Error::unexpected(Place::file(path), "a file of another kind", "an OpenEXR image"));
     }
-    let (mut negative, mut unfit) = (0, None);
-    let picture = read_exr(path, |x, y, color| {
-        let radiance = color * scale;
-        if !(radiance.is_finite() && radiance.max_element() <= BRIGHTEST) && unfit.is_none() {
-            unfit = Some((x, y, radiance));
-        }
-        negative += usize::from(radiance.cmplt(Vec3::ZERO).any());
-        radiance.max(Vec3::ZERO)
-    })?;
-    if let Some((x, y, color)) = unfit {
-        return Err(not_finite(path, x, y, color));
-    }
+    let mut picture = read_exr(path)?;
+    change(&mut picture, |color| color * scale);
+    check_texels(path, &picture, BRIGHTEST)?;
+    let negative = change(&mut picture, |radiance| radiance.max(Vec3::ZERO));
     if negative > 0 {
         let message = format!("{negative} texels are negative: set to 0");
         warnings.push(Warning { place: Place::file(path), message });
     }
-    Ok(Environment { width: picture.width, height: picture.height, texels: picture.texels, rotation_degrees: 0.0 })
+    let Picture { width, height, texels } = picture;
+    Ok(Environment { width, height, texels, rotation_degrees: 0.0 })
 }
 
-fn not_finite(path: &Path, x: usize, y: usize, color: Vec3) -> Error {
-    Error::unexpected(
-        Place::file(path),
-        format!("the colour {color} at ({x}, {y})"),
-        format!("finite numbers of at most {BRIGHTEST:e}"),
-    )
+/// Applies a function to every texel. Returns how many it changed.
+fn change(picture: &mut Picture<Vec3>, function: impl Fn(Vec3) -> Vec3) -> usize {
+    let mut changed = 0;
+    for texel in &mut picture.texels {
+        let new = function(*texel);
+        changed += usize::from(new != *texel);
+        *texel = new;
+    }
+    changed
 }
 
-fn to_half(color: Vec3) -> [f16; 4] {
-    color.extend(1.0).to_array().map(f16::from_f32)
+/// Refuses colours that are not finite or exceed a bound.
+fn check_texels(path: &Path, picture: &Picture<Vec3>, most: f32) -> Result<(), Error> {
+    let fits = |color: &Vec3| color.is_finite() && color.max_element() <= most;
+    match picture.texels.iter().position(|color| !fits(color)) {
+        None => Ok(()),
+        Some(index) => {
+            let (x, y) = (index % picture.width as usize, index / picture.width as usize);
+            let found = format!("the colour {} at ({x}, {y})", picture.texels[index]);
+            Err(Error::unexpected(Place::file(path), found, format!("finite numbers of at most {most:e}")))
+        }
+    }
 }
 
 fn is_exr(path: &Path, named_by: &Place) -> Result<bool, Error> {
@@ -103,10 +105,12 @@ fn is_exr(path: &Path, named_by: &Place) -> Result<bool, Error> {
 
 /// Refuses sizes that are empty or absurd.
 fn check_size(path: &Path, width: u64, height: u64) -> Result<(), Error> {
-    if width >= 1 && height >= 1 && width.saturating_mul(height) <= MOST_TEXELS {
+    let bytes = fs::metadata(path).map_err(|source| Error::read(path, None, source))?.len();
+    let most = MOST_TEXELS.min(FREE_TEXELS + TEXELS_PER_BYTE.saturating_mul(bytes));
+    if width >= 1 && height >= 1 && width.saturating_mul(height) <= most {
         return Ok(());
     }
-    let expected = format!("at least one texel and at most 2²⁶ = {MOST_TEXELS}");
+    let expected = format!("at least one texel and at most {most} in a file of {bytes} bytes");
     Err(Error::unexpected(Place::file(path), format!("an image of {width} × {height} texels"), expected))
 }
 
@@ -138,11 +142,8 @@ fn srgb_to_linear(code: f32) -> f32 {
     if code <= 0.04045 { code / 12.92 } else { ((code + 0.055) / 1.055).powf(2.4) }
 }
 
-/// Reads the channels R, G and B of an OpenEXR file's first layer that has them, through `convert(x, y, color)`.
-fn read_exr<T: Clone + Default + 'static>(
-    path: &Path,
-    mut convert: impl FnMut(usize, usize, Vec3) -> T,
-) -> Result<Picture<T>, Error> {
+/// Reads the channels R, G and B of an OpenEXR file's first layer that has them.
+fn read_exr(path: &Path) -> Result<Picture<Vec3>, Error> {
     let broken = |error: exr::error::Error| {
         let found = format!("a broken image ({error})");
         Error::unexpected(Place::file(path), found, "an OpenEXR image with the channels R, G and B")
@@ -165,9 +166,8 @@ fn read_exr<T: Clone + Default + 'static>(
         .non_parallel()
         .from_file(path)
         .map_err(broken)?;
-    let (size, colors) = image.layer_data.channel_data.pixels;
-    let texels = colors.into_iter().enumerate().map(|(i, color)| convert(i % size.width(), i / size.width(), color));
-    Ok(Picture { width: size.width() as u32, height: size.height() as u32, texels: texels.collect() })
+    let (size, texels) = image.layer_data.channel_data.pixels;
+    Ok(Picture { width: size.width() as u32, height: size.height() as u32, texels })
 }
 
 #[cfg(test)]
