@@ -56,7 +56,9 @@ layout(buffer_reference, scalar, buffer_reference_align = 8) readonly buffer Mes
     uint material;
     uint padding;
 };
-layout(buffer_reference, scalar, buffer_reference_align = 8) readonly buffer MeshArray { MeshRecord at[]; };
+layout(buffer_reference, scalar, buffer_reference_align = 8) readonly buffer MeshArray {
+    uvec2 at[];    // each a MeshRecord: an unsized array of references makes glslang ask for descriptor arrays
+};
 
 struct InstanceRecord {
     mat4x3 object_to_world;

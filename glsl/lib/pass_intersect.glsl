@@ -17,7 +17,7 @@ void pass_intersect_closest() {
     RayHit result = RayHit(hit.instance, 0u, 0.0, 0.0, 0.0);
     if (hit.instance != NO_HIT) {
         InstanceRecord instance = scene.instances.at[hit.instance];
-        MeshRecord mesh = scene.meshes.at[instance.mesh];
+        MeshRecord mesh = MeshRecord(scene.meshes.at[instance.mesh]);
         uvec3 corners = mesh.indices.at[hit.triangle];
         if (INSTANCED) {
             ray.origin = instance.world_to_object * vec4(ray.origin, 1.0);

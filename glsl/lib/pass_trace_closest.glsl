@@ -24,7 +24,7 @@ void pass_trace_closest() {
         pool.hit.at[slot] = uvec2(hit.instance, hit.triangle);
     }
     if (hit.instance != NO_HIT) {
-        MeshRecord mesh = scene.meshes.at[scene.instances.at[hit.instance].mesh];
+        MeshRecord mesh = MeshRecord(scene.meshes.at[scene.instances.at[hit.instance].mesh]);
         family = ONE_FAMILY ? uint(findLSB(FAMILY_MASK))
                             : material_family(scene.materials.at[material_of(mesh, hit.triangle)].flags);
     }

@@ -32,7 +32,7 @@ Surface surface_at(SceneTable scene, Hit hit, vec3 origin, vec3 direction, bool 
     const float gamma_3 = 3.0 * 5.97e-8;
     const float gamma_7 = 7.0 * 5.97e-8;
     InstanceRecord instance = scene.instances.at[hit.instance];
-    MeshRecord mesh = scene.meshes.at[instance.mesh];
+    MeshRecord mesh = MeshRecord(scene.meshes.at[instance.mesh]);
     uvec3 corners = mesh.indices.at[hit.triangle];
     vec3 v0 = mesh.positions.at[corners.x];
     vec3 v1 = mesh.positions.at[corners.y];

@@ -264,7 +264,7 @@ Hit trace(vec3 origin, vec3 direction, bool any, float t_max) {
     Hit hit = Hit(NO_HIT, 0u);
     t_max = usable_end(origin, direction, t_max);
     if (!INSTANCED) {
-        MeshRecord mesh = scene.meshes.at[scene.instances.at[0].mesh];
+        MeshRecord mesh = MeshRecord(scene.meshes.at[scene.instances.at[0].mesh]);
         hit.triangle = trace_mesh(mesh, origin, direction, any, t_max);
         hit.instance = hit.triangle == NO_HIT ? NO_HIT : 0u;
         return hit;
@@ -282,7 +282,7 @@ Hit trace(vec3 origin, vec3 direction, bool any, float t_max) {
             vec3 object_origin = to_object * vec4(origin, 1.0);
             vec3 object_direction = mat3(to_object) * direction;
             float end = usable_end(object_origin, object_direction, t_max);
-            MeshRecord mesh = scene.meshes.at[scene.instances.at[index].mesh];
+            MeshRecord mesh = MeshRecord(scene.meshes.at[scene.instances.at[index].mesh]);
             uint triangle = trace_mesh(mesh, object_origin, object_direction, any, end);
             if (triangle != NO_HIT) {
                 hit = Hit(index, triangle);
