@@ -18,7 +18,6 @@ use crate::peer::Mitsuba;
 const SAMPLES: [u32; 4] = [4, 16, 64, 256];
 /// Its `orthogonal` sampler takes squares of primes.
 const ORTHOGONAL_SAMPLES: [u32; 4] = [9, 25, 121, 289];
-const REFERENCE_SAMPLES: u32 = 4096;
 const SEEDS: u32 = 3;
 const AIM: f64 = 1e-3;
 
@@ -83,13 +82,14 @@ impl Ladder {
 pub fn run() -> Result<()> {
     let scene = crate::load("cornell")?;
     let device = Instance::new(Validation::Off)?.open(&DeviceChoice::Auto)?;
-    let (reference, noise) = embree(&scene)?;
+    let samples = std::env::var("REFERENCE_SPP").map_or(Ok(4096), |word| word.parse()).context("REFERENCE_SPP")?;
+    let (reference, noise) = embree(&scene, samples)?;
     let mut mitsuba = Mitsuba::start("llvm_ad_rgb")?;
     if let Some(mitsuba) = &mut mitsuba {
-        eprintln!("Mitsuba's reference, {REFERENCE_SAMPLES} spp …");
-        let file = cache_directory()?.join(format!("mitsuba-{}-cornell-{REFERENCE_SAMPLES}.npy", mitsuba.version));
-        let noise = mitsuba.reference(REFERENCE_SAMPLES, &file)?;
-        println!("Mitsuba's reference of {REFERENCE_SAMPLES} spp errs by relMSE {noise:.1e}, which is taken off.\n");
+        eprintln!("Mitsuba's reference, {samples} spp …");
+        let file = cache_directory()?.join(format!("mitsuba-{}-cornell-{samples}.npy", mitsuba.version));
+        let noise = mitsuba.reference(samples, &file)?;
+        println!("Mitsuba's reference of {samples} spp errs by relMSE {noise:.1e}, which is taken off.\n");
     }
 
     let mut ours = [Sampler::Sobol, Sampler::Pcg].map(|sampler| {
@@ -147,9 +147,7 @@ fn cache_directory() -> Result<PathBuf> {
 }
 
 /// Embree's picture, kept from run to run, and the relMSE of its own noise.
-fn embree(scene: &Scene) -> Result<(Picture, f64)> {
-    let samples =
-        std::env::var("REFERENCE_SPP").map_or(Ok(REFERENCE_SAMPLES), |word| word.parse()).context("REFERENCE_SPP")?;
+fn embree(scene: &Scene, samples: u32) -> Result<(Picture, f64)> {
     let file = cache_directory()?.join(format!("embree-{}-{MAX_DEPTH}-{samples}.exr", scene.hash()));
     if !file.exists() {
         let options = ReferenceOptions { spp: samples, seed: 77, max_depth: MAX_DEPTH, crop: None };
