@@ -11,10 +11,11 @@ use crate::peer::Mitsuba;
 pub const SAMPLES: u32 = 64;
 pub const MAX_DEPTH: u32 = 6;
 const PIXELS: f64 = 256.0 * 256.0;
-/// Renders of each, at most.
-const ROUNDS: usize = 5;
-/// Who has taken this long has been measured.
-const ENOUGH_SECONDS: f64 = 25.0;
+/// Renders of each.
+const ROUNDS: usize = 3;
+/// Whom a render takes longer than this renders fewer samples.
+const LONGEST_SECONDS: f64 = 20.0;
+const FEW_SAMPLES: u32 = 8;
 
 enum Who {
     Ours(Box<Renderer>),
@@ -26,43 +27,44 @@ struct Contender {
     who: Who,
     /// Building the renderer; Mitsuba does that within its first render.
     prepare: Option<f64>,
+    /// The first sample of each pixel: what is compiled late is compiled here.
     first: f64,
+    samples: u32,
     timings: Vec<Timing>,
 }
 
 impl Contender {
     fn new(name: String, mut who: Who, prepare: Option<f64>) -> Result<Contender> {
-        let first = who.render(0)?.seconds;
-        Ok(Contender { name, who, prepare, first, timings: Vec::new() })
-    }
-
-    fn is_done(&self) -> bool {
-        self.timings.iter().map(|timing| timing.seconds).sum::<f64>() > ENOUGH_SECONDS
+        let first = who.render(1, 0)?.seconds;
+        let one = who.render(1, 1)?.seconds;
+        let samples = if one * f64::from(SAMPLES) > LONGEST_SECONDS { FEW_SAMPLES } else { SAMPLES };
+        Ok(Contender { name, who, prepare, first, samples, timings: Vec::new() })
     }
 
     fn print(&self) {
-        let rate = |seconds: f64| f64::from(SAMPLES) * PIXELS * 1e-6 / seconds;
+        let rate = |seconds: f64| f64::from(self.samples) * PIXELS * 1e-6 / seconds;
         let wall = Spread::of(self.timings.iter().map(|timing| rate(timing.seconds)));
         let cpu = Spread::of(self.timings.iter().map(|timing| rate(timing.cpu_seconds / cores() as f64)));
         let others = Spread::of(self.timings.iter().map(|timing| timing.others));
         let prepare = self.prepare.map_or("in first".to_owned(), |seconds| format!("{seconds:.2}"));
         println!(
-            "| {} | {prepare} | {:.2} | {wall:.3} | {:.3} | {others:.1} | {} |",
+            "| {} | {prepare} | {:.2} | {wall:.3} | {:.3} | {others:.1} | {} × {} |",
             self.name,
             self.first,
             cpu.median,
-            self.timings.len()
+            self.timings.len(),
+            self.samples
         );
     }
 }
 
 impl Who {
-    fn render(&mut self, round: u32) -> Result<Timing> {
+    fn render(&mut self, samples: u32, round: u32) -> Result<Timing> {
         match self {
-            Who::Mitsuba(mitsuba) => mitsuba.render("independent", SAMPLES, round),
+            Who::Mitsuba(mitsuba) => mitsuba.render("independent", samples, round),
             Who::Ours(renderer) => {
                 // It goes on where it was: the samples are others, the work is the same.
-                let limits = Limits { samples: renderer.samples() + SAMPLES, seconds: None, error: None };
+                let limits = Limits { samples: renderer.samples() + samples, seconds: None, error: None };
                 let watch = Stopwatch::own();
                 run_passes(renderer, &limits, |_, _| ControlFlow::Continue(()))?;
                 Ok(watch.stop())
@@ -99,18 +101,16 @@ pub fn run() -> Result<()> {
         }
     }
     let bar = bar(ROUNDS * contenders.len());
-    for round in 1..=ROUNDS {
+    for round in 0..ROUNDS {
         for contender in &mut contenders {
             bar.set_message(contender.name.clone());
-            if !contender.is_done() {
-                contender.timings.push(contender.who.render(round as u32)?);
-            }
+            contender.timings.push(contender.who.render(contender.samples, 2 + round as u32)?);
             bar.inc(1);
         }
     }
     bar.finish_and_clear();
-    println!("256×256, {SAMPLES} spp, depth {MAX_DEPTH}; rates in Msamples/s, median (min–max) of renders in turns\n");
-    println!("| renderer | prepare s | first render s | rate | rate by own CPU time | others' cores | renders |");
+    println!("256×256, depth {MAX_DEPTH}; rates in Msamples/s, median (min–max) of renders in turns\n");
+    println!("| renderer | prepare s | first spp s | rate | rate by own CPU time | others' cores | renders × spp |");
     println!("|---|---|---|---|---|---|---|");
     contenders.iter().for_each(Contender::print);
     Ok(())
