@@ -38,12 +38,6 @@ crate::shared_structs! {
         pub padding: u32,
     }
 
-    /// Where the record of a mesh is.
-    pub struct MeshPointer {
-        /// Its address.
-        pub record: u64,
-    }
-
     /// A mesh that stands in the world. Matrices are column by column.
     pub struct InstanceRecord {
         /// Object to world.
@@ -114,8 +108,8 @@ impl Geometry {
             })
             .collect();
         let first = uploader.upload("mesh records", &records)?;
-        let pointer = |index| MeshPointer { record: first + (index * size_of::<MeshRecord>()) as u64 };
-        let meshes: Vec<MeshPointer> = (0..records.len()).map(pointer).collect();
+        let meshes: Vec<u64> =
+            (0..records.len()).map(|index| first + (index * size_of::<MeshRecord>()) as u64).collect();
         Ok(Geometry {
             instances: Buffer::with_data(device, "instances", &instances)?,
             meshes: Buffer::with_data(device, "meshes", &meshes)?,
