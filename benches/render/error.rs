@@ -18,7 +18,6 @@ use crate::peer::Mitsuba;
 const SAMPLES: [u32; 4] = [4, 16, 64, 256];
 /// Its `orthogonal` sampler takes squares of primes.
 const ORTHOGONAL_SAMPLES: [u32; 4] = [9, 25, 121, 289];
-const SEEDS: u32 = 3;
 const AIM: f64 = 1e-3;
 
 /// Seconds and relMSE, a value a seed, at a number of samples.
@@ -82,7 +81,8 @@ impl Ladder {
 pub fn run() -> Result<()> {
     let scene = crate::load("cornell")?;
     let device = Instance::new(Validation::Off)?.open(&DeviceChoice::Auto)?;
-    let samples = std::env::var("REFERENCE_SPP").map_or(Ok(4096), |word| word.parse()).context("REFERENCE_SPP")?;
+    let samples = number_from("REFERENCE_SPP", 4096)?;
+    let seeds = number_from("SEEDS", 3)?.max(1);
     let (reference, noise) = embree(&scene, samples)?;
     let mut mitsuba = Mitsuba::start("llvm_ad_rgb")?;
     if let Some(mitsuba) = &mut mitsuba {
@@ -97,8 +97,8 @@ pub fn run() -> Result<()> {
     });
     let peers = [("independent", SAMPLES), ("multijitter", SAMPLES), ("orthogonal", ORTHOGONAL_SAMPLES)];
     let mut peers = peers.map(|(sampler, samples)| (sampler, Ladder::new(format!("Mitsuba, {sampler}"), &samples)));
-    let bar = bar(SEEDS as usize * SAMPLES.len() * (ours.len() + peers.len()));
-    for seed in 0..SEEDS {
+    let bar = bar(seeds as usize * SAMPLES.len() * (ours.len() + peers.len()));
+    for seed in 0..seeds {
         for rung in 0..SAMPLES.len() {
             for (sampler, ladder) in &mut ours {
                 bar.set_message(ladder.name.clone());
@@ -128,7 +128,7 @@ pub fn run() -> Result<()> {
     }
     bar.finish_and_clear();
     println!(
-        "256×256, depth {MAX_DEPTH}; relMSE = mean((x − ref)² / (ref² + 0.01)) and render seconds, medians of {SEEDS} seeds\n"
+        "256×256, depth {MAX_DEPTH}; relMSE = mean((x − ref)² / (ref² + 0.01)) and render seconds, medians of {seeds} seeds\n"
     );
     println!(
         "| renderer, sampler | spp: relMSE in time | | | | samples to {AIM:.0e} | seconds to {AIM:.0e} |\n|---|---|---|---|---|---|---|"
@@ -138,6 +138,11 @@ pub fn run() -> Result<()> {
         peers.iter().for_each(|(_, ladder)| ladder.print());
     }
     Ok(())
+}
+
+/// A number from the environment.
+fn number_from(variable: &str, otherwise: u32) -> Result<u32> {
+    std::env::var(variable).map_or(Ok(otherwise), |word| word.parse()).context(variable.to_owned())
 }
 
 fn cache_directory() -> Result<PathBuf> {
