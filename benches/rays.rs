@@ -2,7 +2,7 @@
 //!
 //! Prints a table of millions of rays a second on the Cornell box and on the meshes in `../shared/data/meshes`, if they are
 //! there. All tracers take their turn in every round, and medians are over rounds: on a busy machine trust the ratios.
-//! Arguments: `--scaling` builds spheres of 10³ to 10⁷ triangles instead; `--device NAME` picks the device; `--rounds N`.
+//! Arguments: `--scaling [P]` builds spheres of 10³ to 10^P triangles instead, P = 7 if not given; `--device NAME` picks the device; `--rounds N`.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -23,7 +23,7 @@ fn main() -> anyhow::Result<()> {
     let device = neubrdf::gpu::Instance::new(Validation::Off)?.open(&choice)?;
     println!("{}, {}\n", device.name(), device.driver());
     if arguments.iter().any(|argument| argument == "--scaling") {
-        scaling(&device, rounds)
+        scaling(&device, rounds, value("--scaling").and_then(|most| most.parse().ok()).unwrap_or(7))
     } else {
         speed(&device, rounds)
     }
@@ -74,11 +74,11 @@ fn speed(device: &Arc<Device>, rounds: usize) -> anyhow::Result<()> {
 }
 
 /// What a million triangles cost.
-fn scaling(device: &Arc<Device>, rounds: usize) -> anyhow::Result<()> {
+fn scaling(device: &Arc<Device>, rounds: usize, most: i32) -> anyhow::Result<()> {
     println!(
         "| triangles | build and upload, s | bytes a triangle | camera, Mray/s | diffuse, Mray/s |\n|---|---|---|---|---|"
     );
-    for power in 3..=7 {
+    for power in 3..=most {
         let mesh = bumpy_sphere(((10f64.powi(power) / 4.0).sqrt()) as u32);
         let count = mesh.triangles.len();
         let sets = ray_sets(&mesh, 512);
