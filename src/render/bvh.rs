@@ -179,25 +179,23 @@ impl Bvh {
         let mut stack = vec![0; self.nodes.len()];
         for index in (0..self.nodes.len()).rev() {
             let node = &mut self.nodes[index];
-            let (mut bounds, mut below, mut count) = ([Bounds::EMPTY; WIDTH], 0, 0);
-            for slot in 0..WIDTH {
-                match node.child[slot] {
+            let (mut boxes_of, mut below, mut count) = ([Bounds::EMPTY; WIDTH], 0, 0);
+            for (slot, bounds) in boxes_of.iter_mut().enumerate() {
+                *bounds = match node.child[slot] {
                     NO_CHILD => continue,
                     leaf if leaf & LEAF != 0 => {
-                        for place in leaf_range(leaf) {
-                            bounds[slot] = union(bounds[slot], boxes[self.order[place] as usize]);
-                        }
+                        leaf_range(leaf).map(|place| boxes[self.order[place] as usize]).fold(Bounds::EMPTY, union)
                     }
                     inner => {
-                        bounds[slot] = around[inner as usize];
                         below = below.max(stack[inner as usize]);
+                        around[inner as usize]
                     }
-                }
+                };
                 count += 1;
-                node.set_bounds(slot, bounds[slot]);
-                around[index] = union(around[index], bounds[slot]);
+                node.set_bounds(slot, *bounds);
+                around[index] = union(around[index], *bounds);
             }
-            node.set_order(&bounds);
+            node.set_order(&boxes_of);
             stack[index] = below + u32::saturating_sub(count, 1);
         }
         self.bounds = around[0];

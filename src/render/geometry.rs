@@ -38,12 +38,6 @@ crate::shared_structs! {
         pub padding: u32,
     }
 
-    /// Where the record of a mesh is.
-    pub struct MeshPointer {
-        /// Its address.
-        pub record: u64,
-    }
-
     /// A mesh that stands in the world. Matrices are column by column.
     pub struct InstanceRecord {
         /// Object to world.
@@ -114,8 +108,8 @@ impl Geometry {
             })
             .collect();
         let first = uploader.upload("mesh records", &records)?;
-        let pointer = |index| MeshPointer { record: first + (index * size_of::<MeshRecord>()) as u64 };
-        let meshes: Vec<MeshPointer> = (0..records.len()).map(pointer).collect();
+        let meshes: Vec<u64> =
+            (0..records.len()).map(|index| first + (index * size_of::<MeshRecord>()) as u64).collect();
         Ok(Geometry {
             instances: Buffer::with_data(device, "instances", &instances)?,
             meshes: Buffer::with_data(device, "meshes", &meshes)?,
@@ -149,9 +143,10 @@ impl Geometry {
     }
 
     /// What a kernel that includes `lib/trace_bvh.glsl` is to be specialized with, as (id, value): whether subgroups walk as
-    /// packets, of how many lanes, and how deep the stack is. They do so on CPU drivers.
+    /// packets, of how many lanes, and how deep the stack is. They do so on CPU drivers, but
+    /// not where lavapipe has 16 lanes, whose shuffles are loops.
     pub fn specialization(&self) -> [(u32, u32); 3] {
-        let is_packet = self.is_cpu && [4, 8, 16, 32].contains(&self.subgroup_size);
+        let is_packet = self.is_cpu && [4, 8].contains(&self.subgroup_size);
         let lanes = if is_packet { self.subgroup_size } else { 32 };
         let stack_words = if is_packet { self.stack.div_ceil(lanes) } else { self.stack };
         [(10, u32::from(is_packet)), (11, lanes), (12, stack_words)]
