@@ -10,7 +10,7 @@ OUT := target/demo
 demo: install-demo
 	$(CARGO) build --release $(FEATURES)
 	mkdir -p $(OUT)
-	target/release/neubrdf render scenes/preview/preview.toml --spp 128 -o $(OUT)/preview.exr --png $(OUT)/preview.png
+	target/release/neubrdf render scenes/preview/scene.toml --size 512x512 --spp 128 -o $(OUT)/preview.exr --png $(OUT)/preview.png
 	@echo "Look at $(OUT)/preview.png"
 
 ## Runs every test: two Vulkan drivers, the validation layers, and the Embree reference.

@@ -12,12 +12,10 @@ struct Ray {
 };
 layout(buffer_reference, scalar, buffer_reference_align = 16) readonly buffer RayArray { Ray at[]; };
 
+// What it met. Where any hit would do there is no telling which.
 struct RayHit {
-    uint instance;    // NO_HIT where there is nothing; what is below is 0 then, and where any hit would do
+    uint instance;    // NO_HIT where there is nothing
     uint triangle;
-    float t;
-    float u;
-    float v;
 };
 layout(buffer_reference, scalar, buffer_reference_align = 4) writeonly buffer RayHitArray { RayHit at[]; };
 

@@ -18,7 +18,7 @@
 #include "lib/triangle.glsl"
 
 layout(constant_id = 10) const bool IS_PACKET = false;
-// Invocations of a subgroup, if it walks as a packet: 4, 8, 16 or 32. (Select operations on specialization constants, and
+// Invocations of a subgroup, if it walks as a packet: 4 or 8. (Select operations on specialization constants, and
 // arrays sized by them, are more than SwiftShader's compiler survives.)
 layout(constant_id = 11) const uint LANES = 32u;
 // Words of the stack: entries, or in a packet entries / LANES; entries are at most 96.

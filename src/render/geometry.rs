@@ -143,9 +143,10 @@ impl Geometry {
     }
 
     /// What a kernel that includes `lib/trace_bvh.glsl` is to be specialized with, as (id, value): whether subgroups walk as
-    /// packets, of how many lanes, and how deep the stack is. They do so on CPU drivers.
+    /// packets, of how many lanes, and how deep the stack is. They do so on CPU drivers, but
+    /// not where lavapipe has 16 lanes, whose shuffles are loops.
     pub fn specialization(&self) -> [(u32, u32); 3] {
-        let is_packet = self.is_cpu && [4, 8, 16, 32].contains(&self.subgroup_size);
+        let is_packet = self.is_cpu && [4, 8].contains(&self.subgroup_size);
         let lanes = if is_packet { self.subgroup_size } else { 32 };
         let stack_words = if is_packet { self.stack.div_ceil(lanes) } else { self.stack };
         [(10, u32::from(is_packet)), (11, lanes), (12, stack_words)]

@@ -27,19 +27,13 @@ crate::shared_structs! {
         pub padding: f32,
     }
 
-    /// What a ray met.
+    /// What a ray met. Where any hit was asked for there is no telling which.
     #[derive(PartialEq)]
     pub struct RayHit {
         /// Index of the instance, or [`RayHit::NONE`].
         pub instance: u32,
-        /// Triangle of its mesh. This and what follows is 0 where nothing was met, and where any hit was asked for.
+        /// Triangle of its mesh.
         pub triangle: u32,
-        /// The hit is at o + t·d.
-        pub t: f32,
-        /// Barycentric weight of the second corner.
-        pub u: f32,
-        /// Barycentric weight of the third corner.
-        pub v: f32,
     }
 
     /// Push constants of the `intersect_*` kernels.
