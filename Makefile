@@ -10,7 +10,7 @@ OUT := target/demo
 demo: install-demo
 	$(CARGO) build --release $(FEATURES)
 	mkdir -p $(OUT)
-	target/release/neubrdf render scenes/preview/preview.toml --spp 128 -o $(OUT)/preview.exr --png $(OUT)/preview.png
+	target/release/neubrdf render scenes/preview/scene.toml --size 512x512 --spp 128 -o $(OUT)/preview.exr --png $(OUT)/preview.png
 	@echo "Look at $(OUT)/preview.png"
 
 ## Runs every test: two Vulkan drivers, the validation layers, and the Embree reference.
@@ -24,9 +24,16 @@ check: install-test
 	RUSTDOCFLAGS="-D warnings" $(CARGO) doc --no-deps $(FEATURES)
 	for module in spirv/*.spv; do spirv-val --target-env vulkan1.2 --scalar-block-layout $$module || exit 1; done
 
-## Measures rays/s, samples/s and time to an error; prints the tables of docs/performance.md.
+## Measures, in about ten minutes, and prints the tables of docs/performance.md. With MITSUBA_PYTHON set, beside Mitsuba
+## (without it, it says how to get that). The long ones, each ten to twenty minutes more:
+##   make bench RAYS=--scaling     builds spheres of 10^3 to 10^7 triangles
+##   make bench SECTIONS=error     time to an error, against references of REFERENCE_SPP samples a pixel (4096)
+## SECTIONS takes any of: cornell passes cold memory error.
+RAYS :=
+SECTIONS := cornell passes cold memory
 bench: install-test
-	$(CARGO) bench $(FEATURES)
+	$(CARGO) bench $(FEATURES) --bench rays -- $(RAYS)
+	$(CARGO) bench $(FEATURES) --bench render -- $(SECTIONS)
 
 install-demo:
 	@scripts/setup.sh demo

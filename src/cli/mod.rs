@@ -48,10 +48,19 @@ pub fn main() -> ExitCode {
     match result {
         Ok(status) => status,
         Err(error) => {
-            eprintln!("error: {error:#}");
+            eprintln!("error: {}", message(&error));
             ExitCode::FAILURE
         }
     }
+}
+
+/// An error and its causes, those left out that the text so far already tells.
+fn message(error: &anyhow::Error) -> String {
+    error.chain().map(ToString::to_string).fold(String::new(), |message, cause| match message.as_str() {
+        "" => cause,
+        told if told.contains(&cause) => message,
+        _ => format!("{message}: {cause}"),
+    })
 }
 
 /// Loads a scene, with another film size if `size` says so, and prints its warnings unless `quiet`.

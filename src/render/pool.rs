@@ -42,8 +42,8 @@ pub struct Pool {
     table: Buffer,
     counters: Buffer,
     empty_counters: Buffer,
-    // Held for the table's pointers.
-    _arrays: Vec<Buffer>,
+    // The table points to them.
+    arrays: Vec<Buffer>,
 }
 
 impl Pool {
@@ -93,12 +93,17 @@ impl Pool {
             padding: 0,
         };
         let table = Buffer::with_data(device, "path pool", &[table])?;
-        Ok(Pool { capacity, table, counters, empty_counters, _arrays: arrays })
+        Ok(Pool { capacity, table, counters, empty_counters, arrays })
     }
 
     /// Paths in flight.
     pub fn capacity(&self) -> u32 {
         self.capacity
+    }
+
+    /// Its size on the device.
+    pub fn bytes(&self) -> u64 {
+        self.arrays.iter().chain([&self.table, &self.counters, &self.empty_counters]).map(Buffer::size).sum()
     }
 
     /// Where the kernels find the pool.

@@ -137,6 +137,16 @@ impl Renderer {
         u64::from(self.crop.width) * u64::from(self.crop.height)
     }
 
+    /// Bytes on the device that hold paths in flight; the size of the picture is not in it.
+    pub fn pool_bytes(&self) -> u64 {
+        self.pool.bytes()
+    }
+
+    /// Bytes on the device that hold the picture.
+    pub fn film_bytes(&self) -> u64 {
+        self.pixels.size() + self.feature_pixels.as_ref().map_or(0, Buffer::size)
+    }
+
     /// Seconds of rendering so far, those before a resume counted in.
     pub fn seconds(&self) -> f64 {
         self.seconds
@@ -158,16 +168,27 @@ impl Renderer {
 
     /// Takes `samples` more samples of every pixel, and waits.
     pub fn render_pass(&mut self, samples: u32) -> Result<(), Error> {
-        let batches = batches(self.pixel_count(), self.samples, samples, self.pool.capacity());
-        self.submit(&batches, |renderer, commands, batch| renderer.record(commands, batch))?;
-        self.samples += samples;
+        self.sample(samples, false)?;
         Ok(())
+    }
+
+    /// [`render_pass`](Renderer::render_pass), with the nanoseconds that each of its kernels took in all, in the order in
+    /// which they first ran. It is slower: each dispatch is waited for and timed. Empty on a device without timestamps.
+    pub fn time_pass(&mut self, samples: u32) -> Result<Vec<(String, u64)>, Error> {
+        self.sample(samples, true)
+    }
+
+    fn sample(&mut self, samples: u32, timed: bool) -> Result<KernelTimes, Error> {
+        let batches = batches(self.pixel_count(), self.samples, samples, self.pool.capacity());
+        let times = self.submit(&batches, timed, |renderer, commands, batch| renderer.record(commands, batch))?;
+        self.samples += samples;
+        Ok(times)
     }
 
     /// Depth and ids of the ray through each pixel's centre.
     fn probe(&mut self) -> Result<(), Error> {
         let batches = batches(self.pixel_count(), 0, 1, self.pool.capacity());
-        self.submit(&batches, |renderer, commands, batch| {
+        self.submit(&batches, false, |renderer, commands, batch| {
             let pass = Pass { is_probe: 1, ..renderer.pass(batch) };
             let paths = [batch.pixels, 1];
             renderer.pool.record_reset(commands);
@@ -178,10 +199,17 @@ impl Renderer {
             commands.barrier();
             renderer.dispatch(commands, "first_hit", paths, &pass);
             commands.barrier();
-        })
+        })?;
+        Ok(())
     }
 
-    fn submit(&self, batches: &[Batch], record: impl Fn(&Renderer, &mut Commands, &Batch)) -> Result<(), Error> {
+    fn submit(
+        &self,
+        batches: &[Batch],
+        timed: bool,
+        record: impl Fn(&Renderer, &mut Commands, &Batch),
+    ) -> Result<KernelTimes, Error> {
+        let mut times = KernelTimes::new();
         let per_submission = (SUBMISSION_DISPATCHES / self.settings.max_depth.saturating_mul(8)).max(1) as usize;
         let mut in_flight = None;
         for group in batches.chunks(per_submission) {
@@ -189,16 +217,22 @@ impl Renderer {
             if let Some(tlas) = self.scene.tlas() {
                 commands.bind_tlas(tlas);
             }
+            if timed {
+                commands.time_dispatches();
+            }
             for batch in group {
                 record(self, &mut commands, batch);
             }
             // The host records the next submission while the device works on this one.
             let submission = self.device.submit(commands)?;
             if let Some(previous) = in_flight.replace(submission) {
-                wait(previous)?;
+                add_times(&mut times, previous.wait()?);
             }
         }
-        in_flight.map_or(Ok(()), wait)
+        if let Some(last) = in_flight {
+            add_times(&mut times, last.wait()?);
+        }
+        Ok(times)
     }
 
     fn pass(&self, batch: &Batch) -> Pass {
@@ -362,6 +396,19 @@ impl Renderer {
         self.samples = checkpoint.samples;
         self.seconds = checkpoint.seconds;
         Ok(())
+    }
+}
+
+/// Nanoseconds by kernel name.
+type KernelTimes = Vec<(String, u64)>;
+
+fn add_times(times: &mut KernelTimes, passes: Vec<(String, Option<u64>)>) {
+    for (name, nanoseconds) in passes {
+        let Some(nanoseconds) = nanoseconds else { continue };
+        match times.iter_mut().find(|(known, _)| *known == name) {
+            Some((_, sum)) => *sum += nanoseconds,
+            None => times.push((name, nanoseconds)),
+        }
     }
 }
 

@@ -1,0 +1,75 @@
+"""Mitsuba 3's own Cornell box (mi.cornell_box()), rendered on request: what benches/render compares with.
+
+Usage: MITSUBA_VARIANT=llvm_ad_rgb|scalar_rgb python mitsuba_cornell.py
+
+256x256, path tracer of depth 6, box filter as ours. Each line on standard input is answered by one line of JSON:
+    render SAMPLER SPP SEED          seconds
+    error SAMPLER SPP SEED           seconds, relmse against the reference, the reference's own noise taken off
+    reference SPP FILE               makes the reference of `error` in two halves, or reads it from FILE
+"""
+import json
+import os
+import sys
+import tempfile
+import time
+
+# A kernel cache of our own: the first render compiles, as a user's first does.
+cache = tempfile.TemporaryDirectory()
+os.environ["HOME"] = cache.name
+
+import mitsuba as mi
+import numpy as np
+
+mi.set_variant(os.environ.get("MITSUBA_VARIANT", "llvm_ad_rgb"))
+
+
+def load(sampler):
+    box = mi.cornell_box()
+    box["integrator"] = {"type": "path", "max_depth": 6}
+    box["sensor"]["film"]["rfilter"] = {"type": "box"}
+    box["sensor"]["sampler"] = {"type": sampler}
+    return mi.load_dict(box)
+
+
+scenes = {}
+
+
+def render(sampler, spp, seed):
+    if sampler not in scenes:
+        scenes[sampler] = load(sampler)
+    start = time.perf_counter()
+    picture = np.array(mi.render(scenes[sampler], spp=spp, seed=seed))
+    return picture, time.perf_counter() - start
+
+
+def make_reference(spp):
+    """Two halves of independent samples, each in passes that fit in memory."""
+    passes = max(spp // 256 // 2, 1)
+    return [
+        np.mean([render("independent", spp // passes // 2, 1000 + half * passes + i)[0] for i in range(passes)], axis=0)
+        for half in range(2)
+    ]
+
+
+def rel_mse(difference, reference):
+    return float(np.mean(difference**2 / (reference**2 + 0.01)))
+
+
+reference = noise = None
+print(json.dumps({"version": mi.__version__, "variant": mi.variant()}), flush=True)
+for line in sys.stdin:
+    command, *words = line.split()
+    if command == "reference":
+        spp, file = int(words[0]), words[1]
+        if not os.path.exists(file):
+            np.save(file, make_reference(spp))
+        halves = np.load(file)
+        reference = halves.mean(axis=0)
+        noise = rel_mse((halves[0] - halves[1]) / 2, reference)
+        answer = {"noise": noise}
+    else:
+        picture, seconds = render(words[0], int(words[1]), int(words[2]))
+        answer = {"seconds": seconds}
+        if command == "error":
+            answer["relmse"] = rel_mse(picture - reference, reference) - noise
+    print(json.dumps(answer), flush=True)

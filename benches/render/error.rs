@@ -1,0 +1,185 @@
+//! Time to an error: relMSE over a ladder of samples, ours against Embree, Mitsuba's against itself.
+
+use std::ops::ControlFlow;
+use std::path::{Path, PathBuf};
+use std::sync::atomic::AtomicBool;
+
+use anyhow::{Context, Result};
+use neubrdf::gpu::{DeviceChoice, Instance, Validation};
+use neubrdf::image::{Picture, plane, read_exr, write_exr};
+use neubrdf::reference::{Reference, ReferenceOptions};
+use neubrdf::render::{Limits, Options, Renderer, Sampler, Settings, run as run_passes};
+use neubrdf::scene::Scene;
+
+use crate::cornell::MAX_DEPTH;
+use crate::measure::{Spread, bar};
+use crate::peer::Mitsuba;
+
+const SAMPLES: [u32; 4] = [4, 16, 64, 256];
+/// Its `orthogonal` sampler takes squares of primes.
+const ORTHOGONAL_SAMPLES: [u32; 4] = [9, 25, 121, 289];
+const SEEDS: u32 = 3;
+const AIM: f64 = 1e-3;
+
+/// Seconds and relMSE, a value a seed, at a number of samples.
+struct Rung {
+    samples: u32,
+    seconds: Vec<f64>,
+    errors: Vec<f64>,
+}
+
+/// A sampler's way down.
+struct Ladder {
+    name: String,
+    rungs: Vec<Rung>,
+}
+
+impl Ladder {
+    fn new(name: String, samples: &[u32]) -> Ladder {
+        let rung = |samples: &u32| Rung { samples: *samples, seconds: Vec::new(), errors: Vec::new() };
+        Ladder { name, rungs: samples.iter().map(rung).collect() }
+    }
+
+    fn add(&mut self, rung: usize, seconds: f64, error: f64) {
+        self.rungs[rung].seconds.push(seconds);
+        self.rungs[rung].errors.push(error);
+    }
+
+    /// The time to the aim and the samples for it, on a line through the two nearest rungs on log-log axes; whether it had to be extended.
+    fn to_aim(&self) -> (f64, f64, bool) {
+        let points: Vec<[f64; 3]> = self
+            .rungs
+            .iter()
+            .map(|rung| {
+                let [seconds, error] =
+                    [&rung.seconds, &rung.errors].map(|list| Spread::of(list.iter().copied()).median);
+                [seconds, f64::from(rung.samples), error].map(f64::ln)
+            })
+            .collect();
+        let aim = AIM.ln();
+        let pair = points.windows(2).find(|pair| pair[1][2] <= aim).unwrap_or(&points[points.len() - 2..]);
+        let part = (aim - pair[0][2]) / (pair[1][2] - pair[0][2]);
+        let at = |i: usize| (pair[0][i] + part * (pair[1][i] - pair[0][i])).exp();
+        (at(0), at(1), !(0.0..=1.0).contains(&part))
+    }
+
+    fn print(&self) {
+        let cells: Vec<String> = self
+            .rungs
+            .iter()
+            .map(|rung| {
+                let [seconds, error] =
+                    [&rung.seconds, &rung.errors].map(|list| Spread::of(list.iter().copied()).median);
+                format!("{}: {error:.2e} in {seconds:.2} s", rung.samples)
+            })
+            .collect();
+        let (seconds, samples, extended) = self.to_aim();
+        let note = if extended { ", extrapolated" } else { "" };
+        println!("| {} | {} | {samples:.0} spp{note} | {seconds:.2} |", self.name, cells.join(" | "));
+    }
+}
+
+pub fn run() -> Result<()> {
+    let scene = crate::load("cornell")?;
+    let device = Instance::new(Validation::Off)?.open(&DeviceChoice::Auto)?;
+    let samples = std::env::var("REFERENCE_SPP").map_or(Ok(4096), |word| word.parse()).context("REFERENCE_SPP")?;
+    let (reference, noise) = embree(&scene, samples)?;
+    let mut mitsuba = Mitsuba::start("llvm_ad_rgb")?;
+    if let Some(mitsuba) = &mut mitsuba {
+        eprintln!("Mitsuba's reference, {samples} spp …");
+        let file = cache_directory()?.join(format!("mitsuba-{}-cornell-{samples}.npy", mitsuba.version));
+        let noise = mitsuba.reference(samples, &file)?;
+        println!("Mitsuba's reference of {samples} spp errs by relMSE {noise:.1e}, which is taken off.\n");
+    }
+
+    let mut ours = [Sampler::Sobol, Sampler::Pcg].map(|sampler| {
+        (sampler, Ladder::new(format!("{}, {sampler}", device.driver().split(' ').next().unwrap_or("?")), &SAMPLES))
+    });
+    let peers = [("independent", SAMPLES), ("multijitter", SAMPLES), ("orthogonal", ORTHOGONAL_SAMPLES)];
+    let mut peers = peers.map(|(sampler, samples)| (sampler, Ladder::new(format!("Mitsuba, {sampler}"), &samples)));
+    let bar = bar(SEEDS as usize * SAMPLES.len() * (ours.len() + peers.len()));
+    for seed in 0..SEEDS {
+        for rung in 0..SAMPLES.len() {
+            for (sampler, ladder) in &mut ours {
+                bar.set_message(ladder.name.clone());
+                let settings =
+                    Settings { max_depth: MAX_DEPTH, sampler: *sampler, seed, features: false, ..Settings::default() };
+                let mut renderer = Renderer::new(&device, &scene, &settings, &Options::default())?;
+                let limits = Limits { samples: SAMPLES[rung], seconds: None, error: None };
+                run_passes(&mut renderer, &limits, |_, _| ControlFlow::Continue(()))?;
+                let error = rel_mse(&renderer.picture()?.0, &reference)? - noise;
+                ladder.add(rung, renderer.seconds(), error);
+                bar.inc(1);
+            }
+            for (sampler, ladder) in &mut peers {
+                bar.set_message(ladder.name.clone());
+                if let Some(mitsuba) = &mut mitsuba {
+                    let samples = ladder.rungs[rung].samples;
+                    // The first of a sampler compiles its kernels.
+                    if seed == 0 && rung == 0 {
+                        mitsuba.error(sampler, samples, 99)?;
+                    }
+                    let (seconds, error) = mitsuba.error(sampler, samples, seed)?;
+                    ladder.add(rung, seconds, error);
+                }
+                bar.inc(1);
+            }
+        }
+    }
+    bar.finish_and_clear();
+    println!(
+        "256×256, depth {MAX_DEPTH}; relMSE = mean((x − ref)² / (ref² + 0.01)) and render seconds, medians of {SEEDS} seeds\n"
+    );
+    println!(
+        "| renderer, sampler | spp: relMSE in time | | | | samples to {AIM:.0e} | seconds to {AIM:.0e} |\n|---|---|---|---|---|---|---|"
+    );
+    ours.iter().for_each(|(_, ladder)| ladder.print());
+    if mitsuba.is_some() {
+        peers.iter().for_each(|(_, ladder)| ladder.print());
+    }
+    Ok(())
+}
+
+fn cache_directory() -> Result<PathBuf> {
+    let directory = Path::new(env!("CARGO_MANIFEST_DIR")).join("target/bench");
+    std::fs::create_dir_all(&directory)?;
+    Ok(directory)
+}
+
+/// Embree's picture, kept from run to run, and the relMSE of its own noise.
+fn embree(scene: &Scene, samples: u32) -> Result<(Picture, f64)> {
+    let file = cache_directory()?.join(format!("embree-{}-{MAX_DEPTH}-{samples}.exr", scene.hash()));
+    if !file.exists() {
+        let options = ReferenceOptions { spp: samples, seed: 77, max_depth: MAX_DEPTH, crop: None };
+        let reference = Reference::new(scene)?;
+        let bar = bar(1000);
+        bar.set_message("Embree's reference");
+        let (picture, statistics) =
+            reference.render(&options, |part| bar.set_position((part * 1000.0) as u64), &AtomicBool::new(false))?;
+        bar.finish_and_clear();
+        write_exr(&file, &picture, &reference.metadata(&options, &statistics))?;
+    }
+    let picture = read_exr(&file)?.0;
+    let truth = picture.rgb(plane::BEAUTY).context("the reference has no beauty")?;
+    let variance = picture.rgb(plane::VARIANCE).context("the reference has no variance")?;
+    let terms = truth.as_flattened().iter().zip(variance.as_flattened());
+    let noise = mean(terms.map(|(truth, variance)| f64::from(*variance) / weight(*truth)));
+    println!("Embree's reference of {samples} spp errs by relMSE {noise:.1e}, which is taken off.");
+    Ok((picture, noise))
+}
+
+fn rel_mse(picture: &Picture, reference: &Picture) -> Result<f64> {
+    let [values, truths] = [picture, reference].map(|picture| picture.rgb(plane::BEAUTY));
+    let (values, truths) = (values.context("no beauty")?, truths.context("no beauty")?);
+    let terms = values.as_flattened().iter().zip(truths.as_flattened());
+    Ok(mean(terms.map(|(value, truth)| (f64::from(*value) - f64::from(*truth)).powi(2) / weight(*truth))))
+}
+
+fn weight(truth: f32) -> f64 {
+    f64::from(truth).powi(2) + 0.01
+}
+
+fn mean(terms: impl ExactSizeIterator<Item = f64>) -> f64 {
+    let count = terms.len() as f64;
+    terms.sum::<f64>() / count
+}
