@@ -13,7 +13,7 @@ void main() {
     if (slot >= pixel_count * samples_per_pixel) {
         return;
     }
-    Hit hit = Hit(pool.hit.at[slot].x, pool.hit.at[slot].y);
+    Hit hit = Hit(pool.hit_key.at[slot].x, pool.hit_key.at[slot].y);
     vec3 albedo = vec3(0.0);
     vec3 normal = vec3(0.0);
     float depth = INFINITY;
@@ -32,7 +32,7 @@ void main() {
         film.features.at[first_pixel + slot].triangle = hit.triangle;
         film.features.at[first_pixel + slot].material = material_index;
     } else {
-        pool.first_albedo.at[slot] = vec4(albedo, 0.0);
-        pool.first_normal.at[slot] = vec4(normal, 0.0);
+        film.first_albedo.at[slot] = vec4(albedo, 0.0);
+        film.first_normal.at[slot] = vec4(normal, 0.0);
     }
 }

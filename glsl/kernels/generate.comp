@@ -15,7 +15,7 @@ void main() {
     uint index = first_pixel + place;
     uint row = index / film.crop_size.x;
     uvec2 pixel = film.crop_origin + uvec2(index - row * film.crop_size.x, row);
-    SampleKey key = sample_key(pixel, first_sample + (slot - place * samples_per_pixel), seed);
+    SampleKey key = sample_key(pixel, first_sample + (slot - place * samples_per_pixel), film.seed);
     vec2 u_pixel = is_probe != 0u ? vec2(0.5) : sample_2d(key, DIMENSION_PIXEL);
     vec2 u_lens = is_probe != 0u ? vec2(0.5) : sample_2d(key, DIMENSION_LENS);
     CameraRay ray = camera_ray(vec2(pixel) + u_pixel, u_lens);
@@ -23,5 +23,5 @@ void main() {
     pool.direction.at[slot] = vec4(ray.direction, 0.0);
     pool.throughput.at[slot] = vec4(1.0);
     pool.radiance.at[slot] = vec4(0.0);
-    pool.key.at[slot] = uvec2(key.pixel, key.index);
+    pool.hit_key.at[slot].zw = uvec2(key.pixel, key.index);
 }

@@ -42,8 +42,8 @@ void main() {
         for (uint i = 0u; i < samples_per_pixel; ++i) {
             uint slot = place * samples_per_pixel + i;
             float share = 1.0 / float(first_sample + i + 1u);
-            features.albedo += (pool.first_albedo.at[slot].rgb - features.albedo) * share;
-            features.normal += (pool.first_normal.at[slot].xyz - features.normal) * share;
+            features.albedo += (film.first_albedo.at[slot].rgb - features.albedo) * share;
+            features.normal += (film.first_normal.at[slot].xyz - features.normal) * share;
         }
         film.features.at[first_pixel + place] = features;
     }

@@ -13,6 +13,6 @@ void main() {
     uint slot = queue_slot(QUEUE_MISS, place);
     vec3 radiance = environment_radiance(scene, pool.direction.at[slot].xyz);
     float bsdf_pdf = pool.origin.at[slot].w;
-    float weight = bsdf_pdf == 0.0 ? 1.0 : mis_weight(bsdf_pdf, environment_pdf(scene, radiance));
+    float weight = bsdf_pdf == 0.0 ? 1.0 : mis_weight(bsdf_pdf, environment_pdf(lights_of(scene), radiance));
     pool.radiance.at[slot].rgb += weight * pool.throughput.at[slot].rgb * radiance;
 }

@@ -42,15 +42,19 @@ layout(buffer_reference, scalar, buffer_reference_align = 8) readonly buffer Fil
     UIntArray rejected;      // [0]: samples that were not finite and counted as black
     uvec2 crop_origin;       // upper left pixel of what is rendered
     uvec2 crop_size;
+    Vec4Array first_albedo;  // of the batch, by slot. rgb: of what the camera ray hit
+    Vec4Array first_normal;  // xyz: of what the camera ray hit, world space, facing the camera
+    uint seed;
+    uint padding;
 };
 
 layout(push_constant, scalar) uniform Pass {
     SceneTable scene;
-    PathPool pool;
     FilmTable film;
+    PathPool pool;
+    uint capacity;           // slots of the pool
     uint bounce;             // 0 at the camera ray
     uint max_depth;          // path segments
-    uint seed;
     uint first_pixel;        // of this batch, in the crop's scan order
     uint pixel_count;
     uint first_sample;

@@ -8,6 +8,9 @@
 layout(buffer_reference, scalar, buffer_reference_align = 16) buffer Vec4Array {
     vec4 at[];
 };
+layout(buffer_reference, scalar, buffer_reference_align = 16) buffer UVec4Array {
+    uvec4 at[];
+};
 layout(buffer_reference, scalar, buffer_reference_align = 8) buffer UVec2Array {
     uvec2 at[];
 };
@@ -31,22 +34,19 @@ const uint QUEUE_MISS = 2u;
 const uint QUEUE_SHADE = 3u; // + material family
 const uint QUEUE_COUNT = 7u;
 
-layout(buffer_reference, scalar, buffer_reference_align = 16) buffer PathPool {
+// The arrays themselves; they travel in push constants, since a pointer that is read from memory costs CPU drivers as much as
+// what it points to.
+struct PathPool {
     Vec4Array origin;            // xyz: ray origin; w: pdf of the BSDF sample that made the ray, 0 where no light sample competes
     Vec4Array direction;         // xyz: unit ray direction
     Vec4Array throughput;        // rgb
     Vec4Array radiance;          // rgb: what the path has gathered
-    UVec2Array hit;              // instance, triangle
-    UVec2Array key;              // SampleKey
+    UVec4Array hit_key;          // instance, triangle; SampleKey
     Vec4Array shadow_origin;     // by place in the shadow queue. xyz: origin; w: contribution.r
     Vec4Array shadow_direction;  // xyz: to the light, not normalised, the light being at t = 1 (or infinitely far); w: contribution.g
     UVec2Array shadow_path;      // slot; bits of contribution.b
-    Vec4Array first_albedo;      // rgb: of what the camera ray hit
-    Vec4Array first_normal;      // xyz: of what the camera ray hit, world space, facing the camera
     UIntArray queue;             // [queue][capacity]: path slots
     QueueCounterArray counters;  // [bounce][QUEUE_COUNT]
-    uint capacity;               // slots
-    uint padding;
 };
 
 #endif

@@ -19,6 +19,22 @@ struct LightSample {
     bool is_delta;
 };
 
+// What a light sample needs to know of the scene. Read it before control flow begins: there, CPU drivers read an address that
+// all lanes share once for each lane.
+struct Lights {
+    uvec2 alias;       // an AliasArray; structs do not hold references (layout/scene.glsl)
+    uvec2 emitters;    // an EmitterArray
+    uint count;
+    uint emitter_count;
+    float density;
+    float environment_density;
+};
+
+Lights lights_of(SceneTable scene) {
+    return Lights(uvec2(scene.light_alias), uvec2(scene.emitters), scene.light_count, scene.emitter_count,
+                  scene.light_density, scene.environment_density);
+}
+
 float luminance(vec3 color) {
     return dot(color, vec3(0.2126, 0.7152, 0.0722));
 }
@@ -29,12 +45,12 @@ float mis_weight(float pdf, float other_pdf) {
 }
 
 // Density per unit solid angle of light-sampling a point on an emitter, `distance_squared` away at |cos| `cosine`.
-float emitter_pdf(SceneTable scene, vec3 emission, bool both_sides, float distance_squared, float cosine) {
-    return scene.light_density * luminance(emission) * (both_sides ? 2.0 : 1.0) * distance_squared / cosine;
+float emitter_pdf(Lights lights, vec3 emission, bool both_sides, float distance_squared, float cosine) {
+    return lights.density * luminance(emission) * (both_sides ? 2.0 : 1.0) * distance_squared / cosine;
 }
 
-float environment_pdf(SceneTable scene, vec3 radiance) {
-    return scene.environment_density * luminance(radiance);
+float environment_pdf(Lights lights, vec3 radiance) {
+    return lights.environment_density * luminance(radiance);
 }
 
 vec3 environment_radiance(SceneTable scene, vec3 direction) {
@@ -48,7 +64,7 @@ vec3 environment_radiance(SceneTable scene, vec3 direction) {
 }
 
 // A direction to a sky texel, uniform over its solid angle: in azimuth and in the cosine of the polar angle.
-LightSample sample_environment(SceneTable scene, uint texel, vec2 u) {
+LightSample sample_environment(SceneTable scene, Lights lights, uint texel, vec2 u) {
     uint row = texel / scene.environment_size.x;
     uint column = texel - row * scene.environment_size.x;
     float row_turn = 0.5 / float(scene.environment_size.y);
@@ -60,11 +76,11 @@ LightSample sample_environment(SceneTable scene, uint texel, vec2 u) {
     vec2 turn = scene.environment_rotation;
     vec3 direction = vec3(turn.x * d.x + turn.y * d.z, d.y, turn.x * d.z - turn.y * d.x);
     vec3 radiance = scene.environment.at[texel];
-    return LightSample(direction * scene.reach, radiance, environment_pdf(scene, radiance), false);
+    return LightSample(direction * scene.reach, radiance, environment_pdf(lights, radiance), false);
 }
 
-LightSample sample_emitter(SceneTable scene, uint index, vec3 position, vec2 u) {
-    EmitterRecord emitter = scene.emitters.at[index];
+LightSample sample_emitter(Lights lights, uint index, vec3 position, vec2 u) {
+    EmitterRecord emitter = EmitterArray(lights.emitters).at[index];
     float root = sqrt(u.x);
     vec3 point = emitter.corner + (root * (1.0 - u.y)) * emitter.edge_u + (root * u.y) * emitter.edge_v;
     vec3 to_light = point - position;
@@ -74,7 +90,7 @@ LightSample sample_emitter(SceneTable scene, uint index, vec3 position, vec2 u) 
     bool both_sides = emitter.emits_both_sides != 0u;
     float cosine = both_sides ? abs(facing) : facing;
     bool lit = cosine > 0.0 && distance_squared > 0.0;
-    float pdf = lit ? emitter_pdf(scene, emitter.emission, both_sides, distance_squared, cosine) : 0.0;
+    float pdf = lit ? emitter_pdf(lights, emitter.emission, both_sides, distance_squared, cosine) : 0.0;
     // End just short of the emitter, on the side it is seen from.
     float gap = 4.0e-6 * (abs(point.x) + abs(point.y) + abs(point.z));
     vec3 off = normal * (inversesqrt(dot(normal, normal)) * gap);
@@ -82,16 +98,16 @@ LightSample sample_emitter(SceneTable scene, uint index, vec3 position, vec2 u) 
 }
 
 // `pick`: 32 random bits that choose the table's entry, and 32 that choose between it and its alias.
-LightSample sample_light(SceneTable scene, vec3 position, uvec2 pick, vec2 u) {
+LightSample sample_light(SceneTable scene, Lights lights, vec3 position, uvec2 pick, vec2 u) {
     uint index, unused;
-    umulExtended(pick.x, scene.light_count, index, unused);
-    AliasRecord alias = scene.light_alias.at[index];
+    umulExtended(pick.x, lights.count, index, unused);
+    AliasRecord alias = AliasArray(lights.alias).at[index];
     index = float(pick.y >> 8u) * (1.0 / 16777216.0) < alias.keep ? index : alias.alias;
-    if (HAS_EMITTERS && index < scene.emitter_count) {
-        return sample_emitter(scene, index, position, u);
+    if (HAS_EMITTERS && index < lights.emitter_count) {
+        return sample_emitter(lights, index, position, u);
     }
-    if (HAS_ENVIRONMENT && !(HAS_SUN && index == scene.light_count - 1u)) {
-        return sample_environment(scene, index - scene.emitter_count, u);
+    if (HAS_ENVIRONMENT && !(HAS_SUN && index == lights.count - 1u)) {
+        return sample_environment(scene, lights, index - lights.emitter_count, u);
     }
     return LightSample(scene.sun_direction * scene.reach, scene.sun_irradiance, scene.sun_probability, true);
 }

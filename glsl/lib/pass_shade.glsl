@@ -14,7 +14,7 @@
 const uint ROULETTE_AFTER = 3u;
 
 // Radiance that the surface itself sends along wo, weighted against the light sample that could have found it.
-vec3 emitted(Surface surface, MaterialRecord material, vec3 wo, float bsdf_pdf) {
+vec3 emitted(Lights lights, Surface surface, MaterialRecord material, vec3 wo, float bsdf_pdf) {
     float cosine = dot(wo, surface.front);
     bool both_sides = (material.flags & MATERIAL_EMITS_BOTH_SIDES) != 0u;
     if ((material.flags & MATERIAL_EMITS) == 0u || (cosine <= 0.0 && !both_sides)) {
@@ -23,7 +23,7 @@ vec3 emitted(Surface surface, MaterialRecord material, vec3 wo, float bsdf_pdf) 
     if (bsdf_pdf == 0.0) {
         return material.emission;
     }
-    float pdf = emitter_pdf(scene, material.emission, both_sides, surface.distance_squared, abs(cosine));
+    float pdf = emitter_pdf(lights, material.emission, both_sides, surface.distance_squared, abs(cosine));
     return material.emission * mis_weight(bsdf_pdf, pdf);
 }
 
@@ -33,10 +33,10 @@ struct ShadowRay {
     vec3 contribution;   // 0: not worth tracing
 };
 
-ShadowRay light_sample(Surface surface, Bsdf bsdf, vec3 wo, vec3 throughput, SampleKey key, uint dimension) {
+ShadowRay light_sample(Lights lights, Surface surface, Bsdf bsdf, vec3 wo, vec3 throughput, SampleKey key, uint dimension) {
     uvec2 pick = sample_bits(key, dimension + DIMENSION_LIGHT_PICK);
     vec2 point = sample_2d(key, dimension + DIMENSION_LIGHT_POINT);
-    LightSample light = sample_light(scene, surface.position, pick, point);
+    LightSample light = sample_light(scene, lights, surface.position, pick, point);
     vec3 wi = normalize(light.to_light);
     vec3 local_wi = frame_to_local(surface.frame, wi);
     ShadowRay ray = ShadowRay(vec3(0.0), vec3(0.0), vec3(0.0));
@@ -50,56 +50,61 @@ ShadowRay light_sample(Surface surface, Bsdf bsdf, vec3 wo, vec3 throughput, Sam
     return ray;
 }
 
+void push_shadow_ray(bool wanted, ShadowRay ray, uint slot) {
+    uint place = queue_reserve(bounce, QUEUE_SHADOW, wanted);
+    if (wanted) {
+        pool.shadow_origin.at[place] = vec4(ray.origin, ray.contribution.r);
+        pool.shadow_direction.at[place] = vec4(ray.to_light, ray.contribution.g);
+        pool.shadow_path.at[place] = uvec2(slot, floatBitsToUint(ray.contribution.b));
+    }
+}
+
 void pass_shade() {
-    uint place = gl_GlobalInvocationID.x;
-    bool has_path = place < queue_length(bounce, QUEUE_SHADE + FAMILY);
-    uint slot = 0u;
-    bool goes_on = false;
-    ShadowRay shadow = ShadowRay(vec3(0.0), vec3(0.0), vec3(0.0));
-    if (has_path) {
-        slot = queue_slot(QUEUE_SHADE + FAMILY, place);
-        vec4 origin = pool.origin.at[slot];
-        vec3 direction = pool.direction.at[slot].xyz;
-        vec3 throughput = pool.throughput.at[slot].rgb;
-        uvec2 hit = pool.hit.at[slot];
-        Surface surface = surface_at(scene, Hit(hit.x, hit.y), origin.xyz, direction, FAMILY != FAMILY_DIELECTRIC);
-        MaterialRecord material = scene.materials.at[surface.material];
-        if (HAS_EMITTERS) {
-            vec3 emission = emitted(surface, material, -direction, origin.w);
-            if (emission != vec3(0.0)) {
-                pool.radiance.at[slot].rgb += throughput * emission;
-            }
+    // All invocations shade, those beyond the queue's end its last path once more, and only what they store depends on it:
+    // so most loads come before control flow begins.
+    uint length = queue_length(bounce, QUEUE_SHADE + FAMILY);
+    bool has_path = gl_GlobalInvocationID.x < length;
+    uint slot = queue_slot(QUEUE_SHADE + FAMILY, min(gl_GlobalInvocationID.x, length - 1u));
+    Lights lights = lights_of(scene);
+    vec4 origin = pool.origin.at[slot];
+    vec3 direction = pool.direction.at[slot].xyz;
+    vec3 throughput = pool.throughput.at[slot].rgb;
+    uvec4 hit_key = pool.hit_key.at[slot];
+    Surface surface = surface_at(scene, Hit(hit_key.x, hit_key.y), origin.xyz, direction, FAMILY != FAMILY_DIELECTRIC);
+    MaterialRecord material = scene.materials.at[surface.material];
+    if (HAS_EMITTERS) {
+        vec3 emission = emitted(lights, surface, material, -direction, origin.w);
+        if (has_path && emission != vec3(0.0)) {
+            pool.radiance.at[slot].rgb += throughput * emission;
         }
-        if (bounce + 1u < max_depth) {
-            SampleKey key = SampleKey(pool.key.at[slot].x, pool.key.at[slot].y);
-            uint dimension = bounce * DIMENSIONS_PER_BOUNCE;
-            vec3 wo = frame_to_local(surface.frame, -direction);
-            Bsdf bsdf = bsdf_make(material, material_color(scene, material, surface.uv));
-            bool samples_light = HAS_LIGHTS && !bsdf_is_delta(bsdf);
-            if (samples_light) {
-                shadow = light_sample(surface, bsdf, wo, throughput, key, dimension);
-            }
-            vec2 lobe_roulette = sample_2d(key, dimension + DIMENSION_LOBE_ROULETTE);
-            BsdfSample next = bsdf_sample(bsdf, wo, vec3(sample_2d(key, dimension + DIMENSION_BSDF), lobe_roulette.x));
-            vec3 wi = frame_to_world(surface.frame, next.wi);
-            throughput *= next.weight;
-            float survival = bounce < ROULETTE_AFTER ? 1.0 : min(1.0, max(throughput.r, max(throughput.g, throughput.b)));
-            goes_on = next.pdf > 0.0 && lobe_roulette.y < survival && frame_is_consistent(surface.frame, wi, next.wi);
-            if (goes_on) {
-                pool.origin.at[slot] = vec4(leave(surface, wi), next.is_delta ? 0.0 : next.pdf);
-                pool.direction.at[slot].xyz = wi;
-                pool.throughput.at[slot].rgb = throughput / survival;
-            }
+    }
+    if (bounce + 1u >= max_depth) {
+        return;
+    }
+    SampleKey key = SampleKey(hit_key.z, hit_key.w);
+    uint dimension = bounce * DIMENSIONS_PER_BOUNCE;
+    vec3 wo = frame_to_local(surface.frame, -direction);
+    Bsdf bsdf = bsdf_make(material, material_color(scene, material, surface.uv));
+    if (HAS_LIGHTS) {
+        ShadowRay shadow = ShadowRay(vec3(0.0), vec3(0.0), vec3(0.0));
+        if (!bsdf_is_delta(bsdf)) {
+            shadow = light_sample(lights, surface, bsdf, wo, throughput, key, dimension);
         }
+        push_shadow_ray(has_path && shadow.contribution != vec3(0.0), shadow, slot);
+    }
+    vec2 lobe_roulette = sample_2d(key, dimension + DIMENSION_LOBE_ROULETTE);
+    BsdfSample next = bsdf_sample(bsdf, wo, vec3(sample_2d(key, dimension + DIMENSION_BSDF), lobe_roulette.x));
+    vec3 wi = frame_to_world(surface.frame, next.wi);
+    throughput *= next.weight;
+    float survival = bounce < ROULETTE_AFTER ? 1.0 : min(1.0, max(throughput.r, max(throughput.g, throughput.b)));
+    bool goes_on = has_path && next.pdf > 0.0 && lobe_roulette.y < survival
+        && frame_is_consistent(surface.frame, wi, next.wi);
+    if (goes_on) {
+        pool.origin.at[slot] = vec4(leave(surface, wi), next.is_delta ? 0.0 : next.pdf);
+        pool.direction.at[slot] = vec4(wi, 0.0);
+        pool.throughput.at[slot] = vec4(throughput / survival, 0.0);
     }
     queue_push(bounce + 1u, QUEUE_TRACE, goes_on, slot);
-    bool lit = shadow.contribution != vec3(0.0);
-    uint shadow_place = queue_reserve(bounce, QUEUE_SHADOW, lit);
-    if (lit) {
-        pool.shadow_origin.at[shadow_place] = vec4(shadow.origin, shadow.contribution.r);
-        pool.shadow_direction.at[shadow_place] = vec4(shadow.to_light, shadow.contribution.g);
-        pool.shadow_path.at[shadow_place] = uvec2(slot, floatBitsToUint(shadow.contribution.b));
-    }
 }
 
 #endif

@@ -21,7 +21,7 @@ void pass_trace_closest() {
     bool missed = has_path && hit.instance == NO_HIT;
     uint family = 32u;
     if (has_path) {
-        pool.hit.at[slot] = uvec2(hit.instance, hit.triangle);
+        pool.hit_key.at[slot].xy = uvec2(hit.instance, hit.triangle);
     }
     if (hit.instance != NO_HIT) {
         MeshRecord mesh = MeshRecord(scene.meshes.at[scene.instances.at[hit.instance].mesh]);

@@ -29,7 +29,7 @@ uint queue_reserve(uint bounce, uint queue, bool wanted) {
 void queue_push(uint bounce, uint queue, bool wanted, uint slot) {
     uint place = queue_reserve(bounce, queue, wanted);
     if (wanted) {
-        pool.queue.at[queue * pool.capacity + place] = slot;
+        pool.queue.at[queue * capacity + place] = slot;
     }
 }
 
@@ -38,7 +38,7 @@ uint queue_length(uint bounce, uint queue) {
 }
 
 uint queue_slot(uint queue, uint place) {
-    return pool.queue.at[queue * pool.capacity + place];
+    return pool.queue.at[queue * capacity + place];
 }
 
 #endif

@@ -21,17 +21,12 @@ crate::shared_structs! {
         pub direction: u64,
         pub throughput: u64,
         pub radiance: u64,
-        pub hit: u64,
-        pub key: u64,
+        pub hit_key: u64,
         pub shadow_origin: u64,
         pub shadow_direction: u64,
         pub shadow_path: u64,
-        pub first_albedo: u64,
-        pub first_normal: u64,
         pub queue: u64,
         pub counters: u64,
-        pub capacity: u32,
-        pub padding: u32,
     }
 
     /// `glsl/layout/scene.glsl`
@@ -98,16 +93,20 @@ crate::shared_structs! {
         pub rejected: u64,
         pub crop_origin: [u32; 2],
         pub crop_size: [u32; 2],
+        pub first_albedo: u64,
+        pub first_normal: u64,
+        pub seed: u32,
+        pub padding: u32,
     }
 
     /// `glsl/layout/film.glsl`: push constants of the wavefront's passes.
     pub struct Pass {
         pub scene: u64,
-        pub pool: u64,
         pub film: u64,
+        pub pool: PathPool,
+        pub capacity: u32,
         pub bounce: u32,
         pub max_depth: u32,
-        pub seed: u32,
         pub first_pixel: u32,
         pub pixel_count: u32,
         pub first_sample: u32,

@@ -39,7 +39,9 @@ impl Queue {
 /// A bounded number of paths in flight. Its memory depends on that number and the depth alone, not on the picture.
 pub struct Pool {
     capacity: u32,
-    table: Buffer,
+    table: PathPool,
+    first_albedo: u64,
+    first_normal: u64,
     counters: Buffer,
     empty_counters: Buffer,
     // The table points to them.
@@ -80,20 +82,16 @@ impl Pool {
             direction: array("ray directions", 16, true)?,
             throughput: array("throughputs", 16, true)?,
             radiance: array("radiances", 16, true)?,
-            hit: array("hits", 8, true)?,
-            key: array("sample keys", 8, true)?,
+            hit_key: array("hits and sample keys", 16, true)?,
             shadow_origin: array("shadow ray origins", 16, lights)?,
             shadow_direction: array("shadow ray directions", 16, lights)?,
             shadow_path: array("shadow ray paths", 8, lights)?,
-            first_albedo: array("first albedos", 16, settings.features)?,
-            first_normal: array("first normals", 16, settings.features)?,
             queue: array("queues", 4 * u64::from(QUEUE_COUNT), true)?,
             counters: counters.address(),
-            capacity,
-            padding: 0,
         };
-        let table = Buffer::with_data(device, "path pool", &[table])?;
-        Ok(Pool { capacity, table, counters, empty_counters, arrays })
+        let first_albedo = array("first albedos", 16, settings.features)?;
+        let first_normal = array("first normals", 16, settings.features)?;
+        Ok(Pool { capacity, table, first_albedo, first_normal, counters, empty_counters, arrays })
     }
 
     /// Paths in flight.
@@ -103,12 +101,17 @@ impl Pool {
 
     /// Its size on the device.
     pub fn bytes(&self) -> u64 {
-        self.arrays.iter().chain([&self.table, &self.counters, &self.empty_counters]).map(Buffer::size).sum()
+        self.arrays.iter().chain([&self.counters, &self.empty_counters]).map(Buffer::size).sum()
     }
 
-    /// Where the kernels find the pool.
-    pub fn table_address(&self) -> u64 {
-        self.table.address()
+    /// Where the kernels find its arrays.
+    pub fn table(&self) -> PathPool {
+        self.table
+    }
+
+    /// Where the kernels keep the albedo and the normal that each path saw first; 0 without feature channels.
+    pub fn first_features(&self) -> [u64; 2] {
+        [self.first_albedo, self.first_normal]
     }
 
     /// Empties all queues of all bounces.

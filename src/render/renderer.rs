@@ -82,6 +82,7 @@ impl Renderer {
         };
         let rejected = zeroed(device, "rejected samples", 4)?;
         let camera_record = Buffer::with_data(device, "camera", &[CameraRecord::new(scene)])?;
+        let [first_albedo, first_normal] = pool.first_features();
         let film_table = Buffer::with_data(
             device,
             "film table",
@@ -92,6 +93,10 @@ impl Renderer {
                 rejected: rejected.address(),
                 crop_origin: [crop.x, crop.y],
                 crop_size: [crop.width, crop.height],
+                first_albedo,
+                first_normal,
+                seed: settings.seed,
+                padding: 0,
             }],
         )?;
         let identity = Identity::new(
@@ -238,11 +243,11 @@ impl Renderer {
     fn pass(&self, batch: &Batch) -> Pass {
         Pass {
             scene: self.scene.table_address(),
-            pool: self.pool.table_address(),
             film: self.film_table.address(),
+            pool: self.pool.table(),
+            capacity: self.pool.capacity(),
             bounce: 0,
             max_depth: self.settings.max_depth,
-            seed: self.settings.seed,
             first_pixel: batch.first_pixel,
             pixel_count: batch.pixels,
             first_sample: batch.first_sample,
