@@ -248,8 +248,7 @@ fn found(name: &str) -> Option<Mesh> {
     let (mut positions, mut triangles) = (Vec::new(), Vec::new());
     for model in &models {
         let start = positions.len() as u32;
-        positions
-            .extend(model.mesh.positions.chunks_exact(3).map(|p| Vec3::new(p[0] as f32, p[1] as f32, p[2] as f32)));
+        positions.extend(model.mesh.positions.chunks_exact(3).map(|p| Vec3::new(p[0], p[1], p[2])));
         triangles.extend(model.mesh.indices.chunks_exact(3).map(|t| [t[0] + start, t[1] + start, t[2] + start]));
     }
     Some(mesh(name, positions, triangles))

@@ -146,10 +146,16 @@ impl Geometry {
     /// packets, of how many lanes, and how deep the stack is. They do so on CPU drivers, but
     /// not where lavapipe has 16 lanes, whose shuffles are loops.
     pub fn specialization(&self) -> [(u32, u32); 3] {
-        let is_packet = self.is_cpu && [4, 8].contains(&self.subgroup_size);
-        let lanes = if is_packet { self.subgroup_size } else { 32 };
-        let stack_words = if is_packet { self.stack.div_ceil(lanes) } else { self.stack };
-        [(10, u32::from(is_packet)), (11, lanes), (12, stack_words)]
+        if self.is_cpu && [4, 8].contains(&self.subgroup_size) {
+            [(10, 1), (11, self.subgroup_size), (12, self.stack.div_ceil(self.subgroup_size))]
+        } else {
+            self.specialization_alone()
+        }
+    }
+
+    /// The same for invocations that walk on their own, on whatever device.
+    pub fn specialization_alone(&self) -> [(u32, u32); 3] {
+        [(10, 0), (11, 32), (12, self.stack)]
     }
 
     /// Bytes of device memory, acceleration structures of the driver's excepted.

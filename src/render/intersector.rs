@@ -88,11 +88,32 @@ impl Intersector {
     /// A traversal that the device lacks, a mesh that is too large, out of memory.
     pub fn new(device: &Arc<Device>, scene: &Scene, traversal: Traversal) -> Result<Intersector, Error> {
         let geometry = Geometry::upload(device, scene, traversal)?;
+        let specialization = geometry.specialization();
+        Intersector::with(device, scene, traversal, geometry, specialization)
+    }
+
+    /// The same with the BVH, walked as GPUs do, every invocation on its own, also where packets are faster.
+    ///
+    /// # Errors
+    /// As of [`Intersector::new`].
+    pub fn alone(device: &Arc<Device>, scene: &Scene) -> Result<Intersector, Error> {
+        let geometry = Geometry::upload(device, scene, Traversal::Bvh)?;
+        let specialization = geometry.specialization_alone();
+        Intersector::with(device, scene, Traversal::Bvh, geometry, specialization)
+    }
+
+    fn with(
+        device: &Arc<Device>,
+        scene: &Scene,
+        traversal: Traversal,
+        geometry: Geometry,
+        specialization: [(u32, u32); 3],
+    ) -> Result<Intersector, Error> {
         let names = match traversal {
             Traversal::Bvh => ["intersect_closest_bvh", "intersect_any_bvh"],
             Traversal::RayQuery => ["intersect_closest_ray_query", "intersect_any_ray_query"],
         };
-        let mut specialization = geometry.specialization().to_vec();
+        let mut specialization = specialization.to_vec();
         specialization.push((7, u32::from(is_instanced(scene))));
         let kernel = |name| {
             let source = gpu::spirv::load(name).ok_or(Error::MissingKernel(name))?;
