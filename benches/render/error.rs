@@ -99,13 +99,13 @@ pub fn run() -> Result<()> {
     let mut peers = peers.map(|(sampler, samples)| (sampler, Ladder::new(format!("Mitsuba, {sampler}"), &samples)));
     let bar = bar(seeds as usize * SAMPLES.len() * (ours.len() + peers.len()));
     for seed in 0..seeds {
-        for rung in 0..SAMPLES.len() {
+        for (rung, samples) in SAMPLES.into_iter().enumerate() {
             for (sampler, ladder) in &mut ours {
                 bar.set_message(ladder.name.clone());
                 let settings =
                     Settings { max_depth: MAX_DEPTH, sampler: *sampler, seed, features: false, ..Settings::default() };
                 let mut renderer = Renderer::new(&device, &scene, &settings, &Options::default())?;
-                let limits = Limits { samples: SAMPLES[rung], seconds: None, error: None };
+                let limits = Limits { samples, seconds: None, error: None };
                 run_passes(&mut renderer, &limits, |_, _| ControlFlow::Continue(()))?;
                 let error = rel_mse(&renderer.picture()?.0, &reference)? - noise;
                 ladder.add(rung, renderer.seconds(), error);

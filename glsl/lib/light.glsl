@@ -5,6 +5,7 @@
 
 #include "layout/scene.glsl"
 #include "lib/circle.glsl"
+#include "lib/sampler.glsl"
 
 layout(constant_id = 2) const bool HAS_EMITTERS = false;
 layout(constant_id = 3) const bool HAS_ENVIRONMENT = false;
@@ -97,17 +98,22 @@ LightSample sample_emitter(Lights lights, uint index, vec3 position, vec2 u) {
     return LightSample(to_light + (facing > 0.0 ? off : -off), emitter.emission, pdf, false);
 }
 
-// `pick`: 32 random bits that choose the table's entry, and 32 that choose between it and its alias.
-LightSample sample_light(SceneTable scene, Lights lights, vec3 position, uvec2 pick, vec2 u) {
-    uint index, unused;
-    umulExtended(pick.x, lights.count, index, unused);
+// `u`: two 32-bit fractions. The first picks the table's entry, and what is left of it serves again for the place on the light,
+// which keeps a well-spread sequence well spread.
+LightSample sample_light(SceneTable scene, Lights lights, vec3 position, uvec2 u) {
+    uint index, rest;
+    umulExtended(u.x, lights.count, index, rest);
     AliasRecord alias = AliasArray(lights.alias).at[index];
-    index = float(pick.y >> 8u) * (1.0 / 16777216.0) < alias.keep ? index : alias.alias;
+    float fraction = unit_interval(rest);
+    bool keeps = fraction < alias.keep;
+    index = keeps ? index : alias.alias;
+    fraction = keeps ? fraction / alias.keep : (fraction - alias.keep) / (1.0 - alias.keep);
+    vec2 place = vec2(min(fraction, 1.0 - 6.0e-8), unit_interval(u.y));
     if (HAS_EMITTERS && index < lights.emitter_count) {
-        return sample_emitter(lights, index, position, u);
+        return sample_emitter(lights, index, position, place);
     }
     if (HAS_ENVIRONMENT && !(HAS_SUN && index == lights.count - 1u)) {
-        return sample_environment(scene, lights, index - lights.emitter_count, u);
+        return sample_environment(scene, lights, index - lights.emitter_count, place);
     }
     return LightSample(scene.sun_direction * scene.reach, scene.sun_irradiance, scene.sun_probability, true);
 }

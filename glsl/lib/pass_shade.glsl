@@ -34,9 +34,7 @@ struct ShadowRay {
 };
 
 ShadowRay light_sample(Lights lights, Surface surface, Bsdf bsdf, vec3 wo, vec3 throughput, SampleKey key, uint dimension) {
-    uvec2 pick = sample_bits(key, dimension + DIMENSION_LIGHT_PICK);
-    vec2 point = sample_2d(key, dimension + DIMENSION_LIGHT_POINT);
-    LightSample light = sample_light(scene, lights, surface.position, pick, point);
+    LightSample light = sample_light(scene, lights, surface.position, sample_bits(key, dimension + DIMENSION_LIGHT));
     vec3 wi = normalize(light.to_light);
     vec3 local_wi = frame_to_local(surface.frame, wi);
     ShadowRay ray = ShadowRay(vec3(0.0), vec3(0.0), vec3(0.0));

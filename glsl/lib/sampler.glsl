@@ -13,11 +13,10 @@ const uint SAMPLER_SOBOL = 0u;
 // Pairs of dimensions: two for the camera, then DIMENSIONS_PER_BOUNCE for each bounce.
 const uint DIMENSION_PIXEL = 0u;
 const uint DIMENSION_LENS = 1u;
-const uint DIMENSION_LIGHT_POINT = 2u;
-const uint DIMENSION_LIGHT_PICK = 3u;
-const uint DIMENSION_BSDF = 4u;
-const uint DIMENSION_LOBE_ROULETTE = 5u;
-const uint DIMENSIONS_PER_BOUNCE = 4u;
+const uint DIMENSION_LIGHT = 2u;
+const uint DIMENSION_BSDF = 3u;
+const uint DIMENSION_LOBE_ROULETTE = 4u;
+const uint DIMENSIONS_PER_BOUNCE = 3u;
 
 // What identifies a sample: the scramble of its pixel, and its index within the pixel.
 struct SampleKey {
@@ -72,9 +71,15 @@ uvec2 sample_bits(SampleKey key, uint dimension) {
     return bitfieldReverse(uvec2(x, y));
 }
 
-// The same in [0, 1)², to 24 bits.
+// A 32-bit fraction in [0, 1), to 24 bits.
+float unit_interval(uint fraction) {
+    return float(fraction >> 8u) * (1.0 / 16777216.0);
+}
+
+// The pair of numbers in [0, 1)² that belongs to a dimension.
 vec2 sample_2d(SampleKey key, uint dimension) {
-    return vec2(sample_bits(key, dimension) >> 8u) * (1.0 / 16777216.0);
+    uvec2 bits = sample_bits(key, dimension);
+    return vec2(unit_interval(bits.x), unit_interval(bits.y));
 }
 
 #endif

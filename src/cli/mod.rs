@@ -2,16 +2,13 @@
 
 mod compare;
 mod info;
+mod job;
 mod progress;
 #[cfg(feature = "embree")]
 mod reference;
 mod render;
 
-use std::path::Path;
 use std::process::ExitCode;
-
-use anyhow::{Result, bail};
-use neubrdf::scene::{Film, Scene};
 
 use clap::{Parser, Subcommand};
 
@@ -61,35 +58,4 @@ fn message(error: &anyhow::Error) -> String {
         told if told.contains(&cause) => message,
         _ => format!("{message}: {cause}"),
     })
-}
-
-/// Loads a scene, with another film size if `size` says so, and prints its warnings unless `quiet`.
-fn load(path: &Path, size: Option<Film>, quiet: bool) -> Result<Scene> {
-    let (mut scene, warnings) = Scene::load(path)?;
-    if !quiet {
-        for warning in &warnings {
-            eprintln!("warning: {warning}");
-        }
-    }
-    scene.film = size.unwrap_or(scene.film);
-    Ok(scene)
-}
-
-fn film_size(word: &str) -> Result<Film, String> {
-    word.split_once('x')
-        .and_then(|(width, height)| Some(Film { width: width.parse().ok()?, height: height.parse().ok()? }))
-        .filter(|film| film.width > 0 && film.height > 0)
-        .ok_or_else(|| format!("'{word}' is no size: expected WIDTHxHEIGHT in pixels, both at least 1"))
-}
-
-/// Errors where a file could not be written after hours of work, before them.
-fn check_writable(path: &Path) -> Result<()> {
-    let directory = path.parent().filter(|directory| !directory.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    if !directory.is_dir() {
-        bail!("{}: cannot be written: there is no directory {}", path.display(), directory.display());
-    }
-    if path.is_dir() {
-        bail!("{}: cannot be written: it is a directory", path.display());
-    }
-    Ok(())
 }

@@ -9,29 +9,20 @@ use std::time::Instant;
 
 use anyhow::{Context, Result, bail};
 use neubrdf::gpu::{DeviceChoice, Instance, Validation};
-use neubrdf::image::{self, Crop};
+use neubrdf::image::Picture;
 use neubrdf::render::{
     Checkpoint, Limits, Options, Renderer, Sampler, Settings, Stopped, Traversal, run as run_passes,
 };
-use neubrdf::scene::Film;
 use serde_json::json;
 
+use super::job::{Job, check_writable};
 use super::progress;
 
 /// Path trace a scene on a Vulkan device.
 #[derive(clap::Args)]
 pub struct Arguments {
-    /// A scene file (.toml) or a bare .obj
-    scene: PathBuf,
-    /// The EXR to write: beauty, variance, sample count and the channels of --aov
-    #[arg(short, long, value_name = "EXR")]
-    output: Option<PathBuf>,
-    /// A tone-mapped PNG to write
-    #[arg(long, value_name = "PNG")]
-    png: Option<PathBuf>,
-    /// Exposure of the PNG, in stops
-    #[arg(long, default_value_t = 0.0, allow_negative_numbers = true)]
-    exposure: f32,
+    #[command(flatten)]
+    job: Job,
     /// Samples a pixel; 64 unless --time or --error says when to stop
     #[arg(long)]
     spp: Option<u32>,
@@ -41,18 +32,9 @@ pub struct Arguments {
     /// Stop when the estimated mean relative error of the picture is below
     #[arg(long)]
     error: Option<f64>,
-    /// Size of the film instead of the scene's, as WIDTHxHEIGHT
-    #[arg(long, value_name = "WxH", value_parser = super::film_size)]
-    size: Option<Film>,
-    /// Render a part of the film: x,y,width,height
-    #[arg(long)]
-    crop: Option<Crop>,
     /// Picks the random numbers; the same seed gives the same bits
     #[arg(long, default_value_t = 0)]
     seed: u32,
-    /// Path segments: 1 sees emission, 2 adds direct light
-    #[arg(long, default_value_t = 16, value_parser = clap::value_parser!(u32).range(1..=65_535))]
-    max_depth: u32,
     /// ray-query or bvh; by default what suits the device
     #[arg(long)]
     traversal: Option<Traversal>,
@@ -77,9 +59,6 @@ pub struct Arguments {
     /// Go on from the --checkpoint file
     #[arg(long, requires = "checkpoint")]
     resume: bool,
-    /// No bar and no warnings
-    #[arg(long)]
-    quiet: bool,
     /// Print statistics to standard output
     #[arg(long, value_name = "FORMAT")]
     stats: Option<StatsFormat>,
@@ -121,19 +100,16 @@ impl std::str::FromStr for Aovs {
 
 /// Loads, renders, writes.
 pub fn run(arguments: Arguments) -> Result<ExitCode> {
-    if arguments.output.is_none() && arguments.png.is_none() {
-        bail!("nothing to write: say -o PICTURE.exr, --png PICTURE.png, or both");
-    }
     for limit in [arguments.time, arguments.error].into_iter().flatten() {
         if limit.is_nan() || limit <= 0.0 {
             bail!("--time and --error take numbers above 0, not {limit}");
         }
     }
-    for path in [&arguments.output, &arguments.png, &arguments.checkpoint].into_iter().flatten() {
-        super::check_writable(path)?;
+    if let Some(path) = &arguments.checkpoint {
+        check_writable(path)?;
     }
     let loading = Instant::now();
-    let scene = super::load(&arguments.scene, arguments.size, arguments.quiet)?;
+    let scene = arguments.job.load()?;
     let load_seconds = loading.elapsed().as_secs_f64();
 
     let preparing = Instant::now();
@@ -141,10 +117,10 @@ pub fn run(arguments: Arguments) -> Result<ExitCode> {
     let choice = arguments.device.clone().map_or(DeviceChoice::Auto, DeviceChoice::Named);
     let device = instance.open(&choice)?;
     let settings = Settings {
-        max_depth: arguments.max_depth,
+        max_depth: arguments.job.max_depth,
         seed: arguments.seed,
         sampler: arguments.sampler,
-        crop: arguments.crop,
+        crop: arguments.job.crop,
         features: !arguments.aov.0.is_empty(),
     };
     let options = Options { traversal: arguments.traversal, pool_paths: arguments.pool };
@@ -160,19 +136,14 @@ pub fn run(arguments: Arguments) -> Result<ExitCode> {
     }
     let (mut picture, metadata) = renderer.picture()?;
     drop_unwanted(&mut picture, &arguments.aov);
-    if let Some(path) = &arguments.output {
-        image::write_exr(path, &picture, &metadata)?;
-    }
-    if let Some(path) = &arguments.png {
-        image::write_png(path, &picture, arguments.exposure)?;
-    }
+    arguments.job.write(&picture, &metadata)?;
     let rejected = renderer.rejected_samples()?;
-    if rejected > 0 && !arguments.quiet {
+    if rejected > 0 && !arguments.job.quiet {
         eprintln!("warning: {rejected} samples were not finite and count as black; please report the scene");
     }
     if arguments.stats.is_some() {
         let statistics = json!({
-            "scene": arguments.scene, "scene_hash": metadata.scene_hash, "device": metadata.device,
+            "scene": arguments.job.scene, "scene_hash": metadata.scene_hash, "device": metadata.device,
             "traversal": metadata.traversal, "width": picture.width, "height": picture.height,
             "spp": renderer.samples(), "max_depth": settings.max_depth, "seed": settings.seed,
             "load_seconds": load_seconds, "prepare_seconds": prepare_seconds, "render_seconds": renderer.seconds(),
@@ -186,7 +157,7 @@ pub fn run(arguments: Arguments) -> Result<ExitCode> {
 }
 
 /// Takes away the feature channels that the user does not want.
-fn drop_unwanted(picture: &mut image::Picture, wanted: &Aovs) {
+fn drop_unwanted(picture: &mut Picture, wanted: &Aovs) {
     let unwanted = |name: &str| {
         AOVS.iter().any(|feature| {
             name.strip_prefix(feature).is_some_and(|rest| rest.starts_with('.'))
@@ -205,7 +176,7 @@ fn render(arguments: &Arguments, renderer: &mut Renderer) -> Result<Stopped> {
     let samples = arguments.spp.unwrap_or(if open_end { u32::MAX } else { 64 });
     let limits = Limits { samples, seconds: arguments.time, error: arguments.error };
     let interrupted = progress::interrupt_flag()?;
-    let bar = progress::bar(progress::STEPS, arguments.quiet);
+    let bar = progress::bar(progress::STEPS, arguments.job.quiet);
     let last_checkpoint = Cell::new(Instant::now());
     let mut failure = None;
     let stopped = run_passes(renderer, &limits, |renderer, progress| {

@@ -74,7 +74,7 @@ impl DeviceReport {
         let is_cpu = self.kind == "CPU";
         Profile {
             workgroup_size: 64,
-            pool_paths: if is_cpu { 1 << 18 } else { 1 << 21 },
+            pool_paths: if is_cpu { 1 << 16 } else { 1 << 21 },
             traversal_prefers_ray_query: self.ray_query && !is_cpu,
             is_cpu,
         }
