@@ -7,6 +7,7 @@ use std::ops::ControlFlow;
 
 use common::*;
 use glam::Vec3;
+use neubrdf::converge::Metrics;
 use neubrdf::image::{Crop, Picture, plane};
 use neubrdf::render::{Checkpoint, Features, Limits, Options, Renderer, Sampler, Settings, Stopped, Traversal, run};
 use neubrdf::scene::{Environment, LightTable, Scene, Sun, Surface};
@@ -323,6 +324,22 @@ fn the_second_driver_agrees() {
     assert!(share > 0.97, "{share} of the pixels agree");
     lavapipe.finish();
     swiftshader.finish();
+}
+
+/// At equal samples Sobol' errs clearly less than independent numbers do.
+#[test]
+fn sobol_errs_less_than_independent_numbers() {
+    let Some(driver) = driver(LAVAPIPE) else { return };
+    let scene = still_life(diffuse(0.5));
+    let by = |sampler, seed, samples| {
+        let settings = Settings { sampler, seed, features: false, ..settings() };
+        render(&driver.device, &scene, &settings, &bvh(), samples)
+    };
+    let truth = by(Sampler::Sobol, 99, 4096);
+    let mse = |sampler| Metrics::of(&by(sampler, 1, 64), &truth, 0.0).unwrap().mse;
+    let (sobol, independent) = (mse(Sampler::Sobol), mse(Sampler::Pcg));
+    assert!(sobol < 0.7 * independent, "MSE {sobol:e} against {independent:e}");
+    driver.finish();
 }
 
 /// The estimate of the error falls as the error does, and `--error` ends a render.

@@ -258,8 +258,10 @@ impl Renderer {
 
     /// Records a batch: camera rays, then a bounce after the other, then the film.
     ///
-    ///     generate → trace_closest → shade_miss, shade_<family> → trace_shadow → … → resolve
-    ///                     ↑______________________|
+    /// ```text
+    /// generate → trace_closest → shade_miss, shade_<family> → trace_shadow → … → resolve
+    ///                 ↑______________________|
+    /// ```
     fn record(&self, commands: &mut Commands, batch: &Batch) {
         let mut pass = self.pass(batch);
         let paths = [batch.pixels, batch.samples];
