@@ -1,6 +1,5 @@
 //! `neubrdf render`.
 
-use std::cell::Cell;
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -132,7 +131,7 @@ pub fn run(arguments: Arguments) -> Result<ExitCode> {
 
     let stopped = render(&arguments, &mut renderer)?;
     if let Some(path) = &arguments.checkpoint {
-        renderer.checkpoint()?.write(path)?;
+        save(&renderer, path)?;
     }
     let (mut picture, metadata) = renderer.picture()?;
     drop_unwanted(&mut picture, &arguments.aov);
@@ -177,7 +176,7 @@ fn render(arguments: &Arguments, renderer: &mut Renderer) -> Result<Stopped> {
     let limits = Limits { samples, seconds: arguments.time, error: arguments.error };
     let interrupted = progress::interrupt_flag()?;
     let bar = progress::bar(progress::STEPS, arguments.job.quiet);
-    let last_checkpoint = Cell::new(Instant::now());
+    let mut last_checkpoint = Instant::now();
     let mut failure = None;
     let stopped = run_passes(renderer, &limits, |renderer, progress| {
         bar.set_position(progress_position(&limits, progress));
@@ -188,13 +187,13 @@ fn render(arguments: &Arguments, renderer: &mut Renderer) -> Result<Stopped> {
             progress.error.map_or("–".into(), |error| format!("{:.2} %", error * 100.0)),
         ));
         if let Some(path) = &arguments.checkpoint
-            && last_checkpoint.get().elapsed().as_secs_f64() >= arguments.checkpoint_interval
+            && last_checkpoint.elapsed().as_secs_f64() >= arguments.checkpoint_interval
         {
             if let Err(error) = save(renderer, path) {
                 failure = Some(error);
                 return ControlFlow::Break(());
             }
-            last_checkpoint.set(Instant::now());
+            last_checkpoint = Instant::now();
         }
         if interrupted.load(Ordering::SeqCst) { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
     })?;

@@ -8,7 +8,7 @@ use super::error::Error;
 use super::material_record::{Family, family};
 use super::settings::{Settings, Traversal};
 use crate::gpu::{self, Device, Kernel};
-use crate::scene::{Fresnel, LightTable, Scene, Surface};
+use crate::scene::{LightTable, Scene};
 
 /// A kernel of the wavefront by the name of its source, with its specialization constants (id, value).
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -53,7 +53,7 @@ impl Features {
             emitters: !lights.is_empty() && !lights.triangles.is_empty(),
             environment: lights.environment_texels > 0,
             sun: scene.sun.is_some_and(|sun| sun.irradiance != Vec3::ZERO),
-            textures: used().any(|material| has_texture(&material.surface)),
+            textures: used().any(|material| material.surface.texture().is_some()),
             lens: scene.camera.lens.is_some(),
             instanced: is_instanced(scene),
         }
@@ -102,15 +102,6 @@ impl Features {
 /// Whether a traversal has to look at instances: there are more than one, or one that is not where its mesh is.
 pub(super) fn is_instanced(scene: &Scene) -> bool {
     scene.instances.len() != 1 || scene.instances[0].object_to_world != Affine3A::IDENTITY
-}
-
-fn has_texture(surface: &Surface) -> bool {
-    let color = match surface {
-        Surface::Diffuse { albedo } | Surface::Coated { albedo, .. } => Some(albedo),
-        Surface::Conductor { fresnel: Fresnel::Schlick { f0 }, .. } => Some(f0),
-        Surface::Conductor { .. } | Surface::Dielectric { .. } => None,
-    };
-    color.is_some_and(|color| color.texture.is_some())
 }
 
 /// The built kernels of a render.
