@@ -6,6 +6,7 @@
 //! Conventions: right-handed, y up, counter-clockwise triangles face their normal. Radiance is in
 //! W·sr⁻¹·m⁻² per channel.
 
+mod brdf;
 mod camera;
 mod decode;
 mod error;
@@ -23,6 +24,7 @@ mod statements;
 mod table;
 mod texture;
 
+pub use brdf::{Merl, Rgl, RglTable, Sparse, SparseSample};
 pub use camera::{Camera, Film, Lens};
 pub use error::{Error, Place, Warning};
 pub use light::{Environment, Light, LightTable, Sun, luminance};
