@@ -16,9 +16,11 @@ mod frame;
 mod fresnel;
 mod ggx;
 mod half_difference;
+mod layered;
 mod merl;
 mod rgl;
 mod sparse;
+mod woven;
 
 use glam::{DVec3, Vec2};
 
@@ -33,9 +35,11 @@ pub use frame::{Frame, orthonormal_basis, triangle_dpdu};
 pub use fresnel::{fresnel_complex, fresnel_dielectric, fresnel_dielectric_average, fresnel_schlick};
 pub use ggx::Ggx;
 pub use half_difference::HalfDifference;
+pub use layered::LayeredWalk;
 pub use merl::merl_eval;
 pub use rgl::{RglWarp, rgl_eval};
 pub use sparse::{sparse_coordinates, sparse_eval};
+pub use woven::woven_eval;
 
 /// GGX surfaces with α below this are perfectly smooth: their lobe is a Dirac delta.
 pub const SMOOTH_ALPHA: f32 = 1e-4;

@@ -12,6 +12,7 @@ mod decode;
 mod error;
 mod file;
 mod hash;
+mod layered;
 mod light;
 mod material;
 mod mesh;
@@ -23,14 +24,17 @@ mod polygon;
 mod statements;
 mod table;
 mod texture;
+mod woven;
 
 pub use brdf::{Merl, Rgl, RglTable, Sparse, SparseSample};
 pub use camera::{Camera, Film, Lens};
 pub use error::{Error, Place, Warning};
+pub use layered::{LayerBase, Layered};
 pub use light::{Environment, Light, LightTable, Sun, luminance};
 pub use material::{Color, Fresnel, Material, Surface};
 pub use mesh::{Bounds, Instance, Mesh};
 pub use texture::Texture;
+pub use woven::{Woven, Yarn};
 
 /// Everything that a renderer needs to know about a scene.
 #[derive(Clone, Debug, PartialEq)]
