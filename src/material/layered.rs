@@ -7,7 +7,7 @@
 
 use glam::DVec3;
 
-use super::{BsdfSample, Conductor, Dielectric, Diffuse, Ggx, Reflectance, both_above};
+use super::{BsdfSample, Conductor, Dielectric, Diffuse, Evaluate, Ggx, Reflectance};
 use crate::scene::{Fresnel, LayerBase, Layered};
 
 /// Where walks end that have not yet. With a white base and the largest index, 10⁻⁴ of the light is left by then.
@@ -54,12 +54,9 @@ impl LayeredWalk {
         }
     }
 
-    /// An estimate of f(wo, wi) from one walk, which is right on average: see [`super::Bsdf::eval`]. The walk's random
+    /// An estimate of f(wo, wi) from one walk, which is right on average. The walk's random
     /// numbers are a hash of the bits of `wo`, `wi` and `salt`.
-    pub fn eval(&self, wo: DVec3, wi: DVec3, salt: u64) -> DVec3 {
-        if !both_above(wo, wi) {
-            return DVec3::ZERO;
-        }
+    pub fn estimate(&self, wo: DVec3, wi: DVec3, salt: u64) -> DVec3 {
         let bits = [wo.x, wo.y, wo.z, wi.x, wi.y, wi.z].map(f64::to_bits);
         let mut random = Hashed(bits.into_iter().fold(salt, |state, bits| mix(state ^ bits)));
         self.coat.eval(wo, wi) + self.walk(wo, wi, &mut random)
@@ -67,7 +64,7 @@ impl LayeredWalk {
 
     /// The mean of `walks` independent estimates.
     pub fn average(&self, wo: DVec3, wi: DVec3, walks: u32) -> DVec3 {
-        (0..walks).map(|walk| self.eval(wo, wi, walk.into())).sum::<DVec3>() / f64::from(walks)
+        (0..walks).map(|walk| self.estimate(wo, wi, walk.into())).sum::<DVec3>() / f64::from(walks)
     }
 
     /// An estimate of what comes out of the coat.
@@ -107,6 +104,20 @@ impl LayeredWalk {
     /// What is left of light that crosses the coat along `w`.
     fn transmittance(&self, w: DVec3) -> DVec3 {
         (-self.absorption / w.z.abs()).exp()
+    }
+}
+
+/// One walk an evaluation: a pure function of the directions, and right on average over directions that differ by as little as rounding.
+impl Evaluate for LayeredWalk {
+    fn eval(&self, wo: DVec3, wi: DVec3) -> DVec3 {
+        self.estimate(wo, wi, 0)
+    }
+
+    fn is_isotropic(&self) -> bool {
+        match &self.base {
+            Base::Diffuse(_) => true,
+            Base::Conductor(conductor) => conductor.roughness.is_none_or(|ggx| ggx.alpha.x == ggx.alpha.y),
+        }
     }
 }
 

@@ -7,33 +7,32 @@ use std::f64::consts::{FRAC_1_PI, FRAC_2_PI};
 
 use glam::DVec3;
 
-use super::{HalfDifference, both_above};
+use super::HalfDifference;
 use crate::scene::Merl;
 
-/// f(wo, wi) of a table: see [`super::Bsdf::eval`].
-pub fn merl_eval(table: &Merl, wo: DVec3, wi: DVec3) -> DVec3 {
-    if !both_above(wo, wi) {
-        return DVec3::ZERO;
-    }
-    let pair = HalfDifference::new(wo, wi);
-    let [halves, differences, azimuths] = Merl::SIZE;
-    let half = neighbours((pair.theta_half() * FRAC_2_PI).sqrt(), halves);
-    let difference = neighbours(pair.theta_difference() * FRAC_2_PI, differences);
-    let azimuth = neighbours_around(pair.phi_difference() * FRAC_1_PI, azimuths);
-    let (mut sum, mut weights) = (DVec3::ZERO, 0.0);
-    for (i, weight_i) in half {
-        for (j, weight_j) in difference {
-            for (k, weight_k) in azimuth {
-                let value = table.values()[(i * differences + j) * azimuths + k];
-                if value[0] >= 0.0 {
-                    let weight = weight_i * weight_j * weight_k;
-                    sum += weight * DVec3::from(value.map(f64::from));
-                    weights += weight;
+impl Merl {
+    /// f(wo, wi), see [`super::Evaluate::eval`].
+    pub fn eval(&self, wo: DVec3, wi: DVec3) -> DVec3 {
+        let pair = HalfDifference::new(wo, wi);
+        let [halves, differences, azimuths] = Merl::SIZE;
+        let half = neighbours((pair.theta_half() * FRAC_2_PI).sqrt(), halves);
+        let difference = neighbours(pair.theta_difference() * FRAC_2_PI, differences);
+        let azimuth = neighbours_around(pair.phi_difference() * FRAC_1_PI, azimuths);
+        let (mut sum, mut weights) = (DVec3::ZERO, 0.0);
+        for (i, weight_i) in half {
+            for (j, weight_j) in difference {
+                for (k, weight_k) in azimuth {
+                    let value = self.values()[(i * differences + j) * azimuths + k];
+                    if value[0] >= 0.0 {
+                        let weight = weight_i * weight_j * weight_k;
+                        sum += weight * DVec3::from(value.map(f64::from));
+                        weights += weight;
+                    }
                 }
             }
         }
+        if weights > 0.0 { sum / weights } else { DVec3::ZERO }
     }
-    if weights > 0.0 { sum / weights } else { DVec3::ZERO }
 }
 
 /// The two cells of `count` whose middles are next to `position` in [0, 1], with their weights.

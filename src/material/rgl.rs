@@ -9,78 +9,36 @@ use std::f64::consts::{FRAC_2_PI, PI, TAU};
 
 use glam::{DVec2, DVec3};
 
-use super::both_above;
-use crate::scene::{Rgl, RglTable};
+use crate::scene::{Rgl, RglTable, RglTables, RglWarp};
 
 /// σ counts as at least this, lest a table with zeros in it divide by them.
 const LEAST_SIGMA: f64 = 1e-5;
 
-/// The densities of visible normals, integrated: what inverts their sampling.
-#[derive(Clone, Debug, PartialEq)]
-pub struct RglWarp {
-    /// [`Rgl::vndf`], each table times a factor so that the last entry of its `marginal` is 1, or all 0.
-    pub density: Vec<f32>,
-    /// The integral along each row up to each entry, a number an entry.
-    pub conditional: Vec<f32>,
-    /// The integral over all rows up to each row, a number a row.
-    pub marginal: Vec<f32>,
-}
+impl Rgl {
+    /// f(wo, wi), see [`super::Evaluate::eval`].
+    pub fn eval(&self, wo: DVec3, wi: DVec3) -> DVec3 {
+        let (rgl, warp) = (self.tables(), self.warp());
+        let flip = symmetry(rgl.reduction(), wo);
+        let (wo, half) = (wo * flip, (wo + wi).normalize() * flip);
+        let phi = wo.y.atan2(wo.x);
+        let normal_phi = half.y.atan2(half.x) - if rgl.is_isotropic() { phi } else { 0.0 };
+        let viewer = DVec2::new(across(wo), (phi + PI) / TAU);
+        let normal = DVec2::new(across(half), ((normal_phi + PI) / TAU).rem_euclid(1.0));
+        let slices = slices(rgl, phi, angle_to_normal(wo));
+        let sample = invert(rgl, warp, &slices, normal);
 
-impl RglWarp {
-    /// Integrates the densities, which are linear between entries; lengths are in entries.
-    pub fn new(rgl: &Rgl) -> RglWarp {
-        let RglTable { width, height, values } = &rgl.vndf;
-        let mut warp = RglWarp { density: Vec::new(), conditional: Vec::new(), marginal: Vec::new() };
-        for table in values.chunks_exact(width * height) {
-            let row_integrals: Vec<Vec<f64>> = table.chunks_exact(*width).map(running_integral).collect();
-            let rows: Vec<f32> = row_integrals.iter().map(|row| row[width - 1] as f32).collect();
-            let marginal = running_integral(&rows);
-            let total = marginal[height - 1];
-            let scale = if total > 0.0 { 1.0 / total } else { 0.0 };
-            warp.density.extend(table.iter().map(|x| (f64::from(*x) * scale) as f32));
-            warp.conditional.extend(row_integrals.iter().flatten().map(|x| (x * scale) as f32));
-            warp.marginal.extend(marginal.iter().map(|x| (x * scale) as f32));
-        }
-        warp
+        let channel = |channel: usize| {
+            let each = |&(slice, weight): &(usize, f64)| weight * interpolate(&rgl.rgb, 3 * slice + channel, sample);
+            slices.iter().map(each).sum::<f64>().max(0.0)
+        };
+        let rgb = DVec3::new(channel(0), channel(1), channel(2));
+        let facets = if rgl.has_jacobian {
+            interpolate(&rgl.ndf, 0, normal) / (4.0 * interpolate(&rgl.sigma, 0, viewer).max(LEAST_SIGMA))
+        } else {
+            1.0
+        };
+        rgb * (facets / wi.z)
     }
-}
-
-/// ∫ up to each entry of what is linear between entries.
-fn running_integral(values: &[f32]) -> Vec<f64> {
-    let mut sum = 0.0;
-    let mut integral = vec![0.0];
-    for pair in values.windows(2) {
-        sum += (f64::from(pair[0]) + f64::from(pair[1])) / 2.0;
-        integral.push(sum);
-    }
-    integral
-}
-
-/// f(wo, wi) of tables: see [`super::Bsdf::eval`].
-pub fn rgl_eval(rgl: &Rgl, warp: &RglWarp, wo: DVec3, wi: DVec3) -> DVec3 {
-    if !both_above(wo, wi) {
-        return DVec3::ZERO;
-    }
-    let flip = symmetry(rgl.reduction(), wo);
-    let (wo, half) = (wo * flip, (wo + wi).normalize() * flip);
-    let phi = wo.y.atan2(wo.x);
-    let normal_phi = half.y.atan2(half.x) - if rgl.is_isotropic() { phi } else { 0.0 };
-    let viewer = DVec2::new(across(wo), (phi + PI) / TAU);
-    let normal = DVec2::new(across(half), ((normal_phi + PI) / TAU).rem_euclid(1.0));
-    let slices = slices(rgl, phi, angle_to_normal(wo));
-    let sample = invert(rgl, warp, &slices, normal);
-
-    let channel = |channel: usize| {
-        let each = |&(slice, weight): &(usize, f64)| weight * interpolate(&rgl.rgb, 3 * slice + channel, sample);
-        slices.iter().map(each).sum::<f64>().max(0.0)
-    };
-    let rgb = DVec3::new(channel(0), channel(1), channel(2));
-    let facets = if rgl.has_jacobian {
-        interpolate(&rgl.ndf, 0, normal) / (4.0 * interpolate(&rgl.sigma, 0, viewer).max(LEAST_SIGMA))
-    } else {
-        1.0
-    };
-    rgb * (facets / wi.z)
 }
 
 /// The signs that bring the viewer to the azimuths that are tabulated.
@@ -103,7 +61,7 @@ fn across(w: DVec3) -> f64 {
 }
 
 /// The tables to interpolate between for a viewer, with their weights.
-fn slices(rgl: &Rgl, phi: f64, theta: f64) -> [(usize, f64); 4] {
+fn slices(rgl: &RglTables, phi: f64, theta: f64) -> [(usize, f64); 4] {
     let [(phi_0, weight_0), (phi_1, weight_1)] =
         if rgl.is_isotropic() { [(0, 1.0), (0, 0.0)] } else { bracket(&rgl.phi, phi) };
     let [(theta_0, weight_2), (theta_1, weight_3)] = bracket(&rgl.theta, theta);
@@ -144,7 +102,7 @@ fn interpolate(table: &RglTable, index: usize, at: DVec2) -> f64 {
 }
 
 /// The two numbers for which sampling picks `normal`: first its row by the marginal, then its place in the row.
-fn invert(rgl: &Rgl, warp: &RglWarp, slices: &[(usize, f64); 4], normal: DVec2) -> DVec2 {
+fn invert(rgl: &RglTables, warp: &RglWarp, slices: &[(usize, f64); 4], normal: DVec2) -> DVec2 {
     let RglTable { width, height, .. } = rgl.vndf;
     let ([column, row], within) = cell(&rgl.vndf, normal);
     let blend = |numbers: &[f32], index: &dyn Fn(usize) -> usize| -> f64 {

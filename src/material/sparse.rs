@@ -11,32 +11,28 @@ use std::f64::consts::FRAC_2_PI;
 
 use glam::{DVec2, DVec3, DVec4};
 
-use super::{HalfDifference, both_above};
+use super::HalfDifference;
 use crate::scene::Sparse;
 
 /// Added to all squared distances: samples nearer than 10⁻⁴ are as good as met.
 const SOFTENING: f64 = 1e-8;
 
-/// f(wo, wi) of samples: see [`super::Bsdf::eval`].
-pub fn sparse_eval(samples: &Sparse, wo: DVec3, wi: DVec3) -> DVec3 {
-    if !both_above(wo, wi) {
-        return DVec3::ZERO;
+impl Sparse {
+    /// f(wo, wi), see [`super::Evaluate::eval`].
+    pub fn eval(&self, wo: DVec3, wi: DVec3) -> DVec3 {
+        let coordinates = |wo, wi| sparse_coordinates(wo, wi, self.is_isotropic);
+        let here = coordinates(wo, wi);
+        let distance = |at: DVec4| at.distance_squared(here) + SOFTENING;
+        let squared: Vec<f64> = self.samples.iter().map(|sample| distance(coordinates(sample.wo, sample.wi))).collect();
+        let nearest = squared.iter().copied().fold(f64::INFINITY, f64::min);
+        let (mut sum, mut weights) = (DVec3::ZERO, 0.0);
+        for (sample, squared) in self.samples.iter().zip(squared) {
+            let weight = (nearest / squared).powi(4);
+            sum += weight * sample.value.as_dvec3();
+            weights += weight;
+        }
+        sum / weights
     }
-    let here = sparse_coordinates(wo, wi, samples.is_isotropic);
-    let distance = |at: DVec4| at.distance_squared(here) + SOFTENING;
-    let squared: Vec<f64> = samples
-        .samples
-        .iter()
-        .map(|sample| distance(sparse_coordinates(sample.wo, sample.wi, samples.is_isotropic)))
-        .collect();
-    let nearest = squared.iter().copied().fold(f64::INFINITY, f64::min);
-    let (mut sum, mut weights) = (DVec3::ZERO, 0.0);
-    for (sample, squared) in samples.samples.iter().zip(squared) {
-        let weight = (nearest / squared).powi(4);
-        sum += weight * sample.value.as_dvec3();
-        weights += weight;
-    }
-    sum / weights
 }
 
 /// Where a pair of directions is among the samples: the four numbers that distances are measured in.

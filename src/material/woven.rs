@@ -18,17 +18,19 @@ use std::f64::consts::{FRAC_1_PI, TAU};
 
 use glam::{DVec2, DVec3};
 
-use super::{both_above, fresnel_schlick};
+use super::{Evaluate, fresnel_schlick};
 use crate::scene::{Woven, Yarn};
 
-/// f(wo, wi) of cloth: see [`super::Bsdf::eval`].
-pub fn woven_eval(cloth: &Woven, wo: DVec3, wi: DVec3) -> DVec3 {
-    if !both_above(wo, wi) {
-        return DVec3::ZERO;
+impl Evaluate for Woven {
+    fn eval(&self, wo: DVec3, wi: DVec3) -> DVec3 {
+        let cosine = (wo + wi).length() / 2.0;
+        let turned = |w: DVec3| DVec3::new(w.y, -w.x, w.z);
+        yarn_eval(&self.warp, wo, wi, cosine) + yarn_eval(&self.weft, turned(wo), turned(wi), cosine)
     }
-    let cosine = (wo + wi).length() / 2.0;
-    let turned = |w: DVec3| DVec3::new(w.y, -w.x, w.z);
-    yarn_eval(&cloth.warp, wo, wi, cosine) + yarn_eval(&cloth.weft, turned(wo), turned(wi), cosine)
+
+    fn is_isotropic(&self) -> bool {
+        false
+    }
 }
 
 /// A family along x. `cosine` is that of half the angle between the directions.

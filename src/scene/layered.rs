@@ -3,13 +3,11 @@
 use glam::{Vec2, Vec3};
 
 use super::Fresnel;
-use super::error::Error;
-use super::table::{Table, Value};
 
 /// The layers of a [`super::Surface::Layered`], from above.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Layered {
-    /// Index of refraction of the coat, in [1.01, 2.5].
+    /// Index of refraction of the coat, in [`Layered::IOR`].
     pub ior: f32,
     /// GGX α of the coat's upper side, in [[`Layered::LEAST_ALPHA`], 1].
     pub alpha: f32,
@@ -39,9 +37,6 @@ pub enum LayerBase {
 impl Layered {
     /// Smoother layers would need samplers of their own.
     pub const LEAST_ALPHA: f32 = 0.02;
-}
-
-/// What a table of a scene file says about absorption.
-pub(super) fn absorption(table: &Table) -> Result<Vec3, Error> {
-    table.get("absorption").map_or(Ok(Vec3::ZERO), |value: Value| value.color(0.0, 100.0))
+    /// Between these, the boundary is there, and light finds out of the coat again soon enough.
+    pub const IOR: [f32; 2] = [1.01, 2.5];
 }

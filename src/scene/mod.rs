@@ -26,7 +26,7 @@ mod table;
 mod texture;
 mod woven;
 
-pub use brdf::{Merl, Rgl, RglTable, Sparse, SparseSample};
+pub use brdf::{Brdf, Merl, Nbrdf, Rgl, RglTable, RglTables, RglWarp, SamplingLobe, Sparse, SparseSample};
 pub use camera::{Camera, Film, Lens};
 pub use error::{Error, Place, Warning};
 pub use layered::{LayerBase, Layered};
@@ -35,6 +35,8 @@ pub use material::{Color, Fresnel, Material, Surface};
 pub use mesh::{Bounds, Instance, Mesh};
 pub use texture::Texture;
 pub use woven::{Woven, Yarn};
+
+use std::sync::Arc;
 
 /// Everything that a renderer needs to know about a scene.
 #[derive(Clone, Debug, PartialEq)]
@@ -51,6 +53,8 @@ pub struct Scene {
     pub materials: Vec<Material>,
     /// What [`Color::texture`] indexes.
     pub textures: Vec<Texture>,
+    /// What [`Surface::Measured`] indexes.
+    pub brdfs: Vec<Arc<Brdf>>,
     /// Light from infinitely far away, all around.
     pub environment: Option<Environment>,
     /// Light from infinitely far away, from one direction.

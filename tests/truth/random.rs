@@ -1,9 +1,8 @@
-//! What these tests draw, and the surfaces that they tabulate.
+//! What these tests draw.
 
 use std::f64::consts::TAU;
 
-use glam::{DVec3, Vec2};
-use neubrdf::material::{Conductor, Ggx, Reflectance};
+use glam::DVec3;
 
 /// A random number generator: SplitMix64 (Steele, Lea and Flood 2014).
 pub struct Random(pub u64);
@@ -23,13 +22,5 @@ impl Random {
         let (y, x) = (TAU * self.unit()).sin_cos();
         let sine = (1.0 - z * z).sqrt();
         DVec3::new(sine * x, sine * y, z)
-    }
-}
-
-/// A tinted rough metal.
-pub fn metal(alpha_x: f32, alpha_y: f32) -> Conductor {
-    Conductor {
-        reflectance: Reflectance::Schlick { f0: DVec3::new(0.9, 0.6, 0.3) },
-        roughness: Ggx::new(Vec2::new(alpha_x, alpha_y)),
     }
 }

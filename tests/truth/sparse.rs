@@ -3,10 +3,10 @@
 use std::fmt::Write;
 
 use glam::DMat3;
-use neubrdf::material::sparse_eval;
-use neubrdf::scene::Sparse;
+use neubrdf::scene::{Brdf, Sparse};
 
-use crate::random::{Random, metal};
+use crate::common::tables::metal;
+use crate::random::Random;
 
 const HEADER: &str = "wi_theta, wi_phi, wo_theta, wo_phi, r, g, b\n";
 
@@ -31,7 +31,10 @@ pub fn load(text: &str) -> Result<Sparse, String> {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("samples.csv");
     std::fs::write(&path, text).unwrap();
-    Sparse::load(&path).map_err(|error| error.to_string())
+    match Brdf::load(&path, None).map_err(|error| error.to_string())? {
+        Brdf::Sparse(samples) => Ok(samples),
+        other => panic!("{other:?}"),
+    }
 }
 
 #[test]
@@ -42,17 +45,17 @@ fn samples_are_met_and_never_exceeded() {
         let brightest = samples.samples.iter().map(|sample| sample.value.max_element()).fold(0.0, f32::max);
         for sample in &samples.samples {
             let value = sample.value.as_dvec3();
-            let found = sparse_eval(&samples, sample.wo, sample.wi);
+            let found = samples.eval(sample.wo, sample.wi);
             assert!((found - value).abs().max_element() <= 1e-3 * f64::from(brightest), "{found}, not {value}");
         }
         let mut random = Random(5);
         for _ in 0..2000 {
             let (wo, wi) = (random.above(0.0), random.above(0.0));
-            let found = sparse_eval(&samples, wo, wi);
+            let found = samples.eval(wo, wi);
             assert!(found.min_element() >= 0.0 && found.max_element() <= f64::from(brightest) * (1.0 + 1e-12));
-            assert!((found - sparse_eval(&samples, wi, wo)).abs().max_element() <= 1e-9, "reciprocity");
+            assert!((found - samples.eval(wi, wo)).abs().max_element() <= 1e-9, "reciprocity");
             let turn = DMat3::from_rotation_z(1.0);
-            let turned = sparse_eval(&samples, turn * wo, turn * wi);
+            let turned = samples.eval(turn * wo, turn * wi);
             assert_eq!((found - turned).abs().max_element() <= 1e-9, is_isotropic);
         }
     }
@@ -65,7 +68,7 @@ fn more_samples_come_closer() {
         let samples = load(&file(count, true)).unwrap();
         let mut random = Random(6);
         let pairs = (0..1000).map(|_| (random.above(0.3), random.above(0.3)));
-        pairs.map(|(wo, wi)| (sparse_eval(&samples, wo, wi).x - metal.eval(wo, wi).x).abs()).sum::<f64>() / 1000.0
+        pairs.map(|(wo, wi)| (samples.eval(wo, wi).x - metal.eval(wo, wi).x).abs()).sum::<f64>() / 1000.0
     };
     let errors = [30, 300, 3000].map(error);
     assert!(errors[1] < 0.6 * errors[0] && errors[2] < 0.6 * errors[1], "{errors:?}");

@@ -55,13 +55,11 @@ impl Merl {
         &self.values
     }
 
-    /// Reads a `.binary` file.
-    ///
-    /// # Errors
-    /// It cannot be read, has other dimensions or another length, or a number in it is not finite or above 10⁸ sr⁻¹.
-    pub fn load(path: &Path) -> Result<Merl, Error> {
-        let unreadable = |source| Error::read(path, None, source);
-        let file = open(path, None)?;
+    /// Reads a `.binary` file: an error if it cannot be read, has other dimensions or another length, or if a number in it is not
+    /// finite or above 10⁸ sr⁻¹.
+    pub(super) fn read(path: &Path, needed_by: Option<&Place>) -> Result<Merl, Error> {
+        let unreadable = |source| Error::read(path, needed_by, source);
+        let file = open(path, needed_by)?;
         let bytes = file.metadata().map_err(unreadable)?.len();
         let expected = (12 + Self::CELLS * 3 * size_of::<f64>()) as u64;
         let mut file = BufReader::with_capacity(1 << 16, file);

@@ -8,7 +8,8 @@ use std::io;
 use std::path::Path;
 
 use super::tensor_file::{self, F32, TensorFile, U8};
-use crate::scene::error::Error;
+use crate::scene::error::{Error, Place};
+use crate::scene::hash::put;
 use crate::scene::luminance;
 
 /// Longest description, bytes.
@@ -16,13 +17,20 @@ const LONGEST_DESCRIPTION: usize = 1 << 16;
 /// Angles may be off by rounding.
 const ANGLE_SLACK: f32 = 1e-3;
 
-/// A measured BRDF. All tables have their last dimension fastest, and are interpolated linearly between their entries.
+/// A measured BRDF.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Rgl {
+    tables: RglTables,
+    warp: RglWarp,
+}
+
+/// What a file holds. All tables have their last dimension fastest, and are interpolated linearly between their entries.
+#[derive(Clone, Debug, PartialEq)]
+pub struct RglTables {
     /// What the material is called.
     pub description: String,
     /// Azimuths of the viewer in the tables, radians, ascending. At most two: the material is isotropic, and the first
-    /// one's tables count. More: they span 2π / [`Rgl::reduction`].
+    /// one's tables count. More: they span 2π / [`RglTables::reduction`].
     pub phi: Vec<f32>,
     /// Angles of the viewer to the normal, radians, ascending.
     pub theta: Vec<f32>,
@@ -50,7 +58,7 @@ pub struct RglTable {
     pub values: Vec<f32>,
 }
 
-impl Rgl {
+impl RglTables {
     /// Whether azimuths count by their difference alone.
     pub fn is_isotropic(&self) -> bool {
         self.phi.len() <= 2
@@ -66,13 +74,8 @@ impl Rgl {
         }
     }
 
-    /// Reads a `.bsdf` file.
-    ///
-    /// # Errors
-    /// It cannot be read, is no tensor file, or one of its fields is missing, of another type or shape, or holds a number out of
-    /// range.
-    pub fn load(path: &Path) -> Result<Rgl, Error> {
-        let file = TensorFile::read(path)?;
+    fn read(path: &Path, needed_by: Option<&Place>) -> Result<RglTables, Error> {
+        let file = TensorFile::read(path, needed_by)?;
         if file.has("spectra") && !file.has("rgb") {
             let expected = "a field `rgb`: the file ending in _rgb.bsdf";
             return Err(Error::unexpected(file.place("spectra"), "a spectral material", expected));
@@ -108,12 +111,12 @@ impl Rgl {
             }
         };
         let description = String::from_utf8_lossy(description).into_owned();
-        let rgl = Rgl { description, phi, theta, ndf, sigma, vndf, rgb, has_jacobian };
-        if !matches!(rgl.reduction(), 1 | 2 | 4) {
-            let found = format!("azimuths from {} to {}", rgl.phi[0], rgl.phi[rgl.phi.len() - 1]);
+        let tables = RglTables { description, phi, theta, ndf, sigma, vndf, rgb, has_jacobian };
+        if !matches!(tables.reduction(), 1 | 2 | 4) {
+            let found = format!("azimuths from {} to {}", tables.phi[0], tables.phi[tables.phi.len() - 1]);
             return Err(Error::unexpected(file.place("phi_i"), found, "a span of 2π, π or π/2"));
         }
-        Ok(rgl)
+        Ok(tables)
     }
 
     /// Writes a `.bsdf` file.
@@ -146,6 +149,81 @@ impl Rgl {
         ];
         tensor_file::write(path, &fields)
     }
+}
+
+impl Rgl {
+    /// Integrates what evaluation inverts.
+    pub fn new(tables: RglTables) -> Rgl {
+        Rgl { warp: RglWarp::new(&tables.vndf), tables }
+    }
+
+    /// Reads a `.bsdf` file: an error if it cannot be read, is no tensor file, or if one of its fields is missing, of another type or shape,
+    /// or holds a number out of range.
+    pub(super) fn read(path: &Path, needed_by: Option<&Place>) -> Result<Rgl, Error> {
+        Ok(Rgl::new(RglTables::read(path, needed_by)?))
+    }
+
+    /// What the file holds.
+    pub fn tables(&self) -> &RglTables {
+        &self.tables
+    }
+
+    /// Its densities, integrated.
+    pub fn warp(&self) -> &RglWarp {
+        &self.warp
+    }
+
+    pub(super) fn put(&self, hasher: &mut blake3::Hasher) {
+        let RglTables { description: _, phi, theta, ndf, sigma, vndf, rgb, has_jacobian } = &self.tables;
+        put(hasher, phi);
+        put(hasher, theta);
+        for RglTable { width, height, values } in [ndf, sigma, vndf, rgb] {
+            put(hasher, &[*width as u64, *height as u64]);
+            put(hasher, values);
+        }
+        put(hasher, &[u8::from(*has_jacobian)]);
+    }
+}
+
+/// The densities of visible normals, integrated: what inverts their sampling.
+#[derive(Clone, Debug, PartialEq)]
+pub struct RglWarp {
+    /// [`RglTables::vndf`], each table times a factor so that the last entry of its `marginal` is 1, or all 0.
+    pub density: Vec<f32>,
+    /// The integral along each row up to each entry, a number an entry.
+    pub conditional: Vec<f32>,
+    /// The integral over all rows up to each row, a number a row.
+    pub marginal: Vec<f32>,
+}
+
+impl RglWarp {
+    /// Integrates the densities, which are linear between entries; lengths are in entries.
+    pub fn new(densities: &RglTable) -> RglWarp {
+        let RglTable { width, height, values } = densities;
+        let mut warp = RglWarp { density: Vec::new(), conditional: Vec::new(), marginal: Vec::new() };
+        for table in values.chunks_exact(width * height) {
+            let row_integrals: Vec<Vec<f64>> = table.chunks_exact(*width).map(running_integral).collect();
+            let rows: Vec<f32> = row_integrals.iter().map(|row| row[width - 1] as f32).collect();
+            let marginal = running_integral(&rows);
+            let total = marginal[height - 1];
+            let scale = if total > 0.0 { 1.0 / total } else { 0.0 };
+            warp.density.extend(table.iter().map(|x| (f64::from(*x) * scale) as f32));
+            warp.conditional.extend(row_integrals.iter().flatten().map(|x| (x * scale) as f32));
+            warp.marginal.extend(marginal.iter().map(|x| (x * scale) as f32));
+        }
+        warp
+    }
+}
+
+/// ∫ up to each entry of what is linear between entries.
+fn running_integral(values: &[f32]) -> Vec<f64> {
+    let mut sum = 0.0;
+    let mut integral = vec![0.0];
+    for pair in values.windows(2) {
+        sum += (f64::from(pair[0]) + f64::from(pair[1])) / 2.0;
+        integral.push(sum);
+    }
+    integral
 }
 
 /// Ascending angles, at least one.

@@ -4,12 +4,12 @@
 //! in [0, 90), and the BRDF in sr⁻¹ without the cosine. Empty lines, and lines that start with `#`, are skipped.
 //! A file in which every `wi_phi` is 0 describes an isotropic material: the difference of the azimuths counts, and not its sign.
 
-use std::io::Read;
 use std::path::Path;
 
 use glam::{DVec3, Vec3};
 
-use crate::scene::error::{Error, Place, open, quote};
+use crate::scene::error::{Error, Place, quote, read_bytes};
+use crate::scene::hash::put;
 
 const HEADER: [&str; 7] = ["wi_theta", "wi_phi", "wo_theta", "wo_phi", "r", "g", "b"];
 /// Longest file, bytes.
@@ -43,21 +43,10 @@ impl Sparse {
     /// Evaluation looks at all samples, so there are not many.
     pub const MOST_SAMPLES: usize = 4096;
 
-    /// Reads a `.csv` file.
-    ///
-    /// # Errors
-    /// It cannot be read, its header is another, or a row has another number of columns or a number out of range.
-    pub fn load(path: &Path) -> Result<Sparse, Error> {
-        let mut bytes = Vec::new();
-        open(path, None)?
-            .take(LONGEST + 1)
-            .read_to_end(&mut bytes)
-            .map_err(|source| Error::read(path, None, source))?;
-        if bytes.len() as u64 > LONGEST {
-            let found = format!("more than {} MiB", LONGEST >> 20);
-            return Err(Error::unexpected(Place::file(path), found, "a file of some hundred samples"));
-        }
-        let text = String::from_utf8(bytes).map_err(|_| {
+    /// Reads a `.csv` file: an error if it cannot be read, its header is another, or a row has another number of columns or a number out
+    /// of range.
+    pub(super) fn read(path: &Path, needed_by: Option<&Place>) -> Result<Sparse, Error> {
+        let text = String::from_utf8(read_bytes(path, needed_by, LONGEST)?).map_err(|_| {
             Error::unexpected(Place::file(path), "bytes that are not UTF-8", "a text of comma-separated values")
         })?;
         let mut rows = text
@@ -96,6 +85,14 @@ impl Sparse {
             return Err(Error::unexpected(Place::file(path), "no sample", "at least one"));
         }
         Ok(Sparse { samples, is_isotropic })
+    }
+
+    pub(super) fn put(&self, hasher: &mut blake3::Hasher) {
+        put(hasher, &[u8::from(self.is_isotropic)]);
+        for SparseSample { wi, wo, value } in &self.samples {
+            put(hasher, &[*wi, *wo]);
+            put(hasher, &[*value]);
+        }
     }
 }
 

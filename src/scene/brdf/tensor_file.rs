@@ -5,10 +5,10 @@
 //! file as `u64`, and its shape, a `u64` each. The last dimension runs fastest.
 
 use std::fs;
-use std::io::{self, Read, Write};
+use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
-use crate::scene::error::{Error, Place, open, quote};
+use crate::scene::error::{Error, Place, quote, read_bytes};
 
 const MAGIC: &[u8] = b"tensor_file\0\x01\0";
 /// Longest file, bytes: the longest published RGB one is below 100 MiB.
@@ -52,16 +52,8 @@ struct Field {
 }
 
 impl TensorFile {
-    pub fn read(path: &Path) -> Result<TensorFile, Error> {
-        let mut bytes = Vec::new();
-        open(path, None)?
-            .take(LONGEST + 1)
-            .read_to_end(&mut bytes)
-            .map_err(|source| Error::read(path, None, source))?;
-        if bytes.len() as u64 > LONGEST {
-            let found = format!("more than {} MiB", LONGEST >> 20);
-            return Err(Error::unexpected(Place::file(path), found, "a tensor file"));
-        }
+    pub fn read(path: &Path, needed_by: Option<&Place>) -> Result<TensorFile, Error> {
+        let bytes = read_bytes(path, needed_by, LONGEST)?;
         if !bytes.starts_with(MAGIC) {
             let found = "a file that does not begin as one";
             return Err(Error::unexpected(Place::file(path), found, "a tensor file, version 1.0"));
