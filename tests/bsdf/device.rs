@@ -30,7 +30,7 @@ const ULPS: f64 = 64.0;
 const RELATIVE: f64 = 1e-4;
 
 /// Runs a check on lavapipe and on SwiftShader, under validation, with a short name for each.
-fn on_both_drivers(check: impl Fn(&Arc<Device>, &str)) {
+pub fn on_both_drivers(check: impl Fn(&Arc<Device>, &str)) {
     for name in [LAVAPIPE, SWIFTSHADER] {
         if let Some(driver) = driver(name) {
             check(&driver.device, &name.to_lowercase());
@@ -40,7 +40,7 @@ fn on_both_drivers(check: impl Fn(&Arc<Device>, &str)) {
 }
 
 /// A family's test kernel and the surfaces that it knows.
-struct Shader {
+pub struct Shader {
     device: Arc<Device>,
     kernel: Kernel,
     materials: Buffer,
@@ -48,7 +48,7 @@ struct Shader {
 }
 
 impl Shader {
-    fn new(device: &Arc<Device>, surfaces: &[Surface], brdfs: &[Arc<Brdf>]) -> Shader {
+    pub fn new(device: &Arc<Device>, surfaces: &[Surface], brdfs: &[Arc<Brdf>]) -> Shader {
         let kernel_name = format!("test_bsdf_{}", family(&surfaces[0], brdfs).name());
         let packed = MaterialTable::new(&surfaces.iter().map(as_material).collect::<Vec<_>>(), brdfs);
         let upload = |table: &Vec<u32>| Buffer::with_data(device, "material table", table).unwrap();
@@ -59,7 +59,7 @@ impl Shader {
         Shader { device: device.clone(), kernel, materials, _tables: tables }
     }
 
-    fn run(&self, cases: &[BsdfTestCase]) -> Vec<BsdfTestResult> {
+    pub fn run(&self, cases: &[BsdfTestCase]) -> Vec<BsdfTestResult> {
         let input = Buffer::with_data(&self.device, "cases", cases).unwrap();
         let bytes = size_of::<BsdfTestResult>() * cases.len();
         let output = Buffer::new(&self.device, "results", bytes as u64, Memory::Device).unwrap();
@@ -81,7 +81,7 @@ fn as_material(surface: &Surface) -> Material {
     Material { name: describe(surface), surface: surface.clone(), emission: Vec3::ZERO, emits_both_sides: false }
 }
 
-fn case(material: usize, wo: DVec3, wi: DVec3, u: [f64; 3]) -> BsdfTestCase {
+pub fn case(material: usize, wo: DVec3, wi: DVec3, u: [f64; 3]) -> BsdfTestCase {
     BsdfTestCase {
         wo: wo.as_vec3().into(),
         material: material as u32,

@@ -20,7 +20,7 @@ pub fn measured() -> Vec<(String, Arc<Brdf>)> {
         let w = random.direction();
         DVec3::new(w.x, w.y, w.z.abs().max(0.01)).normalize()
     };
-    let pairs: Vec<_> = (0..200).map(|_| (above(), above())).collect();
+    let pairs: Vec<_> = (0..50).map(|_| (above(), above())).collect();
     let samples = |metal, is_isotropic| Brdf::Sparse(tables::sparse(metal, is_isotropic, pairs.iter().copied()));
     let brdfs = [
         ("MERL, α 0.3", Brdf::Merl(tables::merl(&metal(0.3, 0.3)))),

@@ -5,6 +5,9 @@
 mod common;
 mod hostile;
 mod merl;
+#[cfg(feature = "embree")]
+mod proof;
 mod random;
 mod rgl;
 mod sparse;
+mod woven;
