@@ -1,15 +1,15 @@
 // BRDFs without a sampler of their own, by one-sample MIS of an anisotropic GGX lobe of visible normals and a cosine hemisphere:
-// src/material/lobe_sampled.rs. Included at the end of a family's bsdf_X.glsl, behind
+// src/material/lobe_sampled.rs. Included at the end of a family's lib/bsdf_X.glsl, behind
 //
-//     struct Brdf;                             what the BRDF is evaluated from; no buffer references in it, but uvec2
-//     Brdf brdf_make(MaterialRecord material); its own data are at lobe_brdf_data(material)
+//     struct Brdf;                               what the BRDF is evaluated from; uvec2 in place of buffer references
+//     Brdf brdf_make(MaterialRecord material);   its own data are at lobe_brdf_data(material), written by src/render/brdf_table.rs
 //     void brdf_eval_pair(Brdf b, vec3 wo, vec3 wi_1, vec3 wi_2, out vec3 f_1, out vec3 f_2);
 //
-// which evaluates f(wo, wi), without the cosine, finite and not negative, for two wi's above the surface and a wo above it. A family
-// that gains nothing from two at once defines BRDF_EVAL_ONE and `vec3 brdf_eval(Brdf b, vec3 wo, vec3 wi)` instead.
+// f(wo, wi) without the cosine, finite and not negative, for two wi; z >= MIN_COSINE for all three. A family that gains nothing from
+// two at once defines the macro BRDF_EVAL_ONE and `vec3 brdf_eval(Brdf b, vec3 wo, vec3 wi)` instead of the pair.
 //
-// It defines all that lib/bsdf.glsl asks of a family, and in addition `bsdf_pick` and `bsdf_eval_pair` for passes that see
-// BSDF_PICKS_FIRST: there a vertex picks its next direction, which is cheap, and then evaluates the light's and its own together.
+// This file defines all that lib/bsdf.glsl asks of a family, and BSDF_PICKS_FIRST with `bsdf_pick`, `bsdf_eval_pair` and `bsdf_picked`
+// for the passes: a vertex picks its next direction, which is cheap, and then evaluates the light's and its own together.
 #ifndef LIB_LOBE_GLSL
 #define LIB_LOBE_GLSL
 
