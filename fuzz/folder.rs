@@ -1,9 +1,10 @@
 //! A folder with a small intact scene, of which each target replaces one file.
 
-use std::fs;
+use std::fs::{self, File};
 use std::sync::LazyLock;
 
-use neubrdf::scene::{LightTable, Scene};
+use neubrdf::material::Evaluate;
+use neubrdf::scene::{Brdf, LightTable, Merl, Scene};
 
 const FILES: [(&str, &[u8]); 6] = [
     ("scene.toml", include_bytes!("scene/scene.toml")),
@@ -35,5 +36,27 @@ pub fn load_with(name: &str, bytes: &[u8]) {
             let message = error.to_string();
             assert!(message.contains(FOLDER.path().to_str().expect("an ASCII path")), "{message}: names no file");
         }
+    }
+}
+
+/// Loads a BRDF from these bytes, in a file whose ending says what they are, and evaluates it. MERL tables are filled up with zeros to the
+/// length that they must have.
+pub fn load_brdf(name: &str, bytes: &[u8]) {
+    let path = FOLDER.path().join(name);
+    fs::write(&path, bytes).expect("room for temporary files");
+    if name.ends_with(".binary") && bytes.len() >= 12 {
+        let file = File::options().write(true).open(&path).expect("the file that was just written");
+        file.set_len((12 + Merl::CELLS * 24) as u64).expect("room for temporary files");
+    }
+    match Brdf::load(&path, None) {
+        Ok(brdf) => {
+            for (x, z) in [(0.0, 1.0), (0.6, 0.8), (0.999_999, 1e-3)] {
+                let wo = glam::DVec3::new(x, 0.0, z).normalize();
+                let wi = glam::DVec3::new(-0.28, -0.96 * x, 0.3).normalize();
+                let value = brdf.eval(wo, wi);
+                assert!(value.is_finite() && value.min_element() >= 0.0, "{value}");
+            }
+        }
+        Err(error) => assert!(error.to_string().contains(name), "{error}: names no file"),
     }
 }

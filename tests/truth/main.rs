@@ -9,5 +9,6 @@ mod merl;
 mod proof;
 mod random;
 mod rgl;
+mod scene;
 mod sparse;
 mod woven;
