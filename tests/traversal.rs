@@ -165,6 +165,11 @@ fn crowd(count: usize) -> Scene {
     scene(vec![sphere(12), room(), soup(300)], instances)
 }
 
+/// The scenes that the project ships.
+fn shipped() -> Vec<Scene> {
+    common::shipped_scenes().iter().map(|path| Scene::load(path).unwrap().0).collect()
+}
+
 /// Corners of the scene's triangles in the world, by triangle.
 fn world_triangles(scene: &Scene) -> Vec<[Vec3; 3]> {
     let of = |instance: &Instance| {
@@ -298,20 +303,20 @@ fn compare(scene: &Scene, intersector: &Intersector, count: usize, seed: u64) ->
 
 /// Compares on all scenes. Drivers' ray queries have triangle tests of
 /// their own, which are not watertight on every driver.
-fn compare_all(driver_name: &str, traversal: Traversal, generated: usize, real: usize) {
+fn compare_all(driver_name: &str, traversal: Traversal, small: usize, real: usize) {
     let Some(driver) = driver(driver_name) else { return };
-    let mut scenes = vec![alone(sphere(40)), alone(soup(2000)), alone(room()), crowd(1), crowd(40)];
-    let real_scenes = ["spot.obj", "teapot.obj", "stanford-bunny.obj"].into_iter().filter_map(found).map(alone);
-    scenes.extend(real_scenes);
-    for (index, scene) in scenes.iter().enumerate() {
-        let intersector = Intersector::new(&driver.device, scene, traversal).unwrap();
-        let count = if index < 5 { generated } else { real };
+    let generated = [alone(sphere(40)), alone(soup(2000)), alone(room()), crowd(1), crowd(40)];
+    let found = ["spot.obj", "teapot.obj", "stanford-bunny.obj"].into_iter().filter_map(found).map(alone);
+    let scenes = generated.into_iter().chain(shipped()).map(|scene| (scene, small));
+    let scenes: Vec<_> = scenes.chain(found.map(|scene| (scene, real))).collect();
+    for (index, (scene, count)) in scenes.iter().enumerate() {
+        let (intersector, count) = (Intersector::new(&driver.device, scene, traversal).unwrap(), *count);
         let differences = compare(scene, &intersector, count, index as u64);
         let names: Vec<_> = scene.meshes.iter().map(|mesh| mesh.name.as_str()).collect();
         let label = format!("{} instances of {}", scene.instances.len(), names.join(", "));
         println!("{driver_name}, {traversal}, {label}: {count} rays, {differences:?}");
         // A ray that is moved into an object's space is rounded there, on each side in another way.
-        let is_moved = scene.instances[0].object_to_world != Affine3A::IDENTITY;
+        let is_moved = scene.instances.iter().any(|instance| instance.object_to_world != Affine3A::IDENTITY);
         let allowed = match (is_moved, traversal) {
             (true, _) => count / 5000,
             (false, Traversal::RayQuery) => count / 100_000,
