@@ -19,21 +19,6 @@ const MAX_DEPTH: u32 = 8;
 const SAMPLES: u32 = 64;
 const REFERENCE_SAMPLES: u32 = 256;
 
-/// Every scene file under `scenes/`.
-fn shipped() -> Vec<PathBuf> {
-    let mut files = Vec::new();
-    for directory in std::fs::read_dir(Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes")).unwrap() {
-        for file in std::fs::read_dir(directory.unwrap().path()).unwrap() {
-            let path = file.unwrap().path();
-            if path.extension().is_some_and(|ending| ending == "toml") {
-                files.push(path);
-            }
-        }
-    }
-    files.sort();
-    files
-}
-
 /// A scene small enough for a test.
 fn small(path: &Path) -> Scene {
     let mut scene = Scene::load(path).unwrap().0;
@@ -77,17 +62,17 @@ fn prove(driver_name: &str, traversals: &[Traversal], scenes: &[PathBuf]) {
 
 #[test]
 fn every_shipped_scene_agrees_with_embree_by_the_bvh() {
-    prove(LAVAPIPE, &[Traversal::Bvh], &shipped());
+    prove(LAVAPIPE, &[Traversal::Bvh], &shipped_scenes());
 }
 
 #[test]
 fn every_shipped_scene_agrees_with_embree_by_ray_query() {
-    prove(LAVAPIPE, &[Traversal::RayQuery], &shipped());
+    prove(LAVAPIPE, &[Traversal::RayQuery], &shipped_scenes());
 }
 
 #[test]
 fn the_second_driver_agrees_with_embree() {
-    let scenes: Vec<_> = shipped()
+    let scenes: Vec<_> = shipped_scenes()
         .into_iter()
         .filter(|path| path.ends_with("cornell/scene.toml") || path.ends_with("still_life/scene.toml"))
         .collect();
