@@ -150,7 +150,7 @@ fn number_from(variable: &str, otherwise: u32) -> Result<u32> {
     std::env::var(variable).map_or(Ok(otherwise), |word| word.parse()).context(variable.to_owned())
 }
 
-fn cache_directory() -> Result<PathBuf> {
+pub fn cache_directory() -> Result<PathBuf> {
     let directory = Path::new(env!("CARGO_MANIFEST_DIR")).join("target/bench");
     std::fs::create_dir_all(&directory)?;
     Ok(directory)

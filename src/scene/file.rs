@@ -72,7 +72,7 @@ fn load_scene_file(path: &Path) -> Result<(Scene, Vec<Warning>), Error> {
     loader.finish(path, camera, film, instances, environment, sun)
 }
 
-fn read_text(path: &Path) -> Result<String, Error> {
+pub(super) fn read_text(path: &Path) -> Result<String, Error> {
     String::from_utf8(read_bytes(path, None, LONGEST_FILE)?).map_err(|error| {
         let line =
             error.as_bytes()[..error.utf8_error().valid_up_to()].iter().filter(|byte| **byte == b'\n').count() + 1;
@@ -315,7 +315,7 @@ fn override_material(name: &str, value: &Value, file: &Path, library: &mut Libra
 
 /// The surface that a material's table asks for. What it does not say stays as it was before, if that was of the same
 /// type, or is the type's default.
-fn surface(table: &Table, before: &Surface, file: &Path, library: &mut Library) -> Result<Surface, Error> {
+pub(super) fn surface(table: &Table, before: &Surface, file: &Path, library: &mut Library) -> Result<Surface, Error> {
     const EMISSION: [&str; 3] = ["type", "emission", "emits_both_sides"];
     let allow = |keys: &[&str]| table.allow(&[&EMISSION, keys].concat());
     let unchanged = match before {

@@ -22,6 +22,7 @@ mod normals;
 mod obj;
 mod polygon;
 mod statements;
+mod surface_file;
 mod table;
 mod texture;
 mod woven;

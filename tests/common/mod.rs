@@ -190,17 +190,11 @@ pub fn still_life(surface: Surface) -> Scene {
     scene
 }
 
-/// Every scene file under `scenes/`.
+/// Every `scenes/NAME/scene.toml`.
 pub fn shipped_scenes() -> Vec<PathBuf> {
-    let mut files = Vec::new();
-    for directory in std::fs::read_dir(Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes")).unwrap() {
-        for file in std::fs::read_dir(directory.unwrap().path()).unwrap() {
-            let path = file.unwrap().path();
-            if path.extension().is_some_and(|ending| ending == "toml") {
-                files.push(path);
-            }
-        }
-    }
-    files.sort();
-    files
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes");
+    let scenes = std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path().join("scene.toml"));
+    let mut scenes: Vec<PathBuf> = scenes.filter(|path| path.exists()).collect();
+    scenes.sort();
+    scenes
 }
