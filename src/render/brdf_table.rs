@@ -1,6 +1,6 @@
 //! BRDFs without a sampler of their own, as the device reads them: words behind [`MaterialRecord::table`](super::MaterialRecord).
 //!
-//! First the weights of the sampling lobe (`glsl/lib/lobe.glsl`), then, from byte [`LOBE_BYTES`] on, what `glsl/lib/bsdf_X.glsl` of the
+//! First the sampling lobes (`glsl/lib/lobe.glsl`), then, from byte [`LOBE_BYTES`] on, what `glsl/lib/bsdf_X.glsl` of the
 //! BRDF's family evaluates it from.
 
 use std::array;
@@ -14,12 +14,12 @@ use crate::scene::{
 };
 
 /// What precedes a BRDF's own words; `LOBE_BYTES` of `glsl/lib/lobe.glsl`. A multiple of 16.
-const LOBE_BYTES: usize = 4 * SamplingLobe::NODES;
+const LOBE_BYTES: usize = 4 * SamplingLobe::FLOATS;
 
 /// All that the device needs of a BRDF: how it is sampled, and its own words.
 pub fn pack(lobe: &SamplingLobe, brdf: &[u32]) -> Vec<u32> {
-    let mut words = lobe.weight.map(f32::to_bits).to_vec();
-    words.resize(LOBE_BYTES / 4, 0);
+    let mut words = lobe.to_floats().map(f32::to_bits).to_vec();
+    debug_assert_eq!(4 * words.len(), LOBE_BYTES);
     words.extend(brdf);
     words
 }
