@@ -67,16 +67,15 @@ fn main() {
         brdfs.into_iter().filter(|(name, _)| is_wanted(name)).map(|(name, brdf)| row(name, brdf)).collect();
     rows.sort_by(|a, b| a.variances[1].total_cmp(&b.variances[1]));
     println!(
-        "{:28} {:>15} {:>11} {:>9} {:>9} {:>9} {:>8} {:>8} {:>6}",
-        "", "α", "weight", "lobe", "cosine", "uniform", "cos/lobe", "uni/lobe", "fit ms"
+        "{:30} {:>7} {:>7} {:>11} {:>11} {:>8} {:>8} {:>9} {:>8} {:>8} {:>6}",
+        "", "α", "α", "w grazing", "w above", "lobes", "cosine", "uniform", "cos/lobe", "uni/lobe", "fit ms"
     );
     for Row { name, lobe, fit_seconds, variances: [own, cosine, uniform] } in &rows {
+        let [narrow, wide] = lobe.alpha.map(|[x, y]| if x == y { format!("{x:.4}") } else { format!("{x:.3}×{y:.3}") });
+        let [grazing, above] =
+            [lobe.weight[1], lobe.weight[SamplingLobe::NODES - 1]].map(|[a, b]| format!("{a:.2} {b:.2}"));
         println!(
-            "{name:28} {:7.4} {:7.4} {:5.2} {:5.2} {own:9.3} {cosine:9.2} {uniform:9.2} {:8.1} {:8.1} {:6.0}",
-            lobe.alpha[0],
-            lobe.alpha[1],
-            lobe.weight[1],
-            lobe.weight[SamplingLobe::NODES - 1],
+            "{name:30} {narrow:>7} {wide:>7} {grazing:>11} {above:>11} {own:8.3} {cosine:8.1} {uniform:9.1} {:8.1} {:8.1} {:6.0}",
             cosine / own,
             uniform / own,
             1e3 * fit_seconds

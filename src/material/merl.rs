@@ -6,8 +6,7 @@ use std::f64::consts::{FRAC_1_PI, FRAC_2_PI};
 
 use glam::DVec3;
 
-use super::HalfDifference;
-use crate::scene::Merl;
+use crate::scene::{HalfDifference, Merl};
 
 impl Merl {
     /// f(wo, wi), see [`super::Evaluate::eval`].

@@ -15,7 +15,6 @@ mod diffuse;
 mod frame;
 mod fresnel;
 mod ggx;
-mod half_difference;
 mod layered;
 mod lobe_fit;
 mod lobe_sampled;
@@ -38,13 +37,11 @@ pub use diffuse::Diffuse;
 pub use frame::{Frame, orthonormal_basis, triangle_dpdu};
 pub use fresnel::{fresnel_complex, fresnel_dielectric, fresnel_dielectric_average, fresnel_schlick};
 pub use ggx::Ggx;
-pub use half_difference::HalfDifference;
 pub use layered::LayeredWalk;
 pub use lobe_fit::fit_lobe;
 pub use lobe_sampled::{Evaluate, LobeSampled};
 pub use nbrdf::LARGEST_OUTPUT as NBRDF_LARGEST_OUTPUT;
 pub use prepared::Prepared;
-pub use sparse::sparse_coordinates;
 
 /// GGX surfaces with α below this are perfectly smooth: their lobe is a Dirac delta.
 pub const SMOOTH_ALPHA: f32 = 1e-4;

@@ -119,7 +119,7 @@ impl Evaluate for Brdf {
         match self {
             Brdf::Nbrdf(_) | Brdf::Merl(_) => true,
             Brdf::Rgl(rgl) => rgl.tables().is_isotropic(),
-            Brdf::Sparse(sparse) => sparse.is_isotropic,
+            Brdf::Sparse(sparse) => sparse.is_isotropic(),
         }
     }
 }

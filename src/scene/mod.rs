@@ -27,7 +27,9 @@ mod table;
 mod texture;
 mod woven;
 
-pub use brdf::{Brdf, Merl, Nbrdf, Rgl, RglTable, RglTables, RglWarp, SamplingLobe, Sparse, SparseSample};
+pub use brdf::{
+    Brdf, HalfDifference, Merl, Nbrdf, Rgl, RglTable, RglTables, RglWarp, SamplingLobe, Sparse, SparseSample,
+};
 pub use camera::{Camera, Film, Lens};
 pub use error::{Error, Place, Warning};
 pub use layered::{LayerBase, Layered};

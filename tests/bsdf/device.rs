@@ -293,17 +293,16 @@ fn compare_samples(bsdf: &Bsdf, case: &BsdfTestCase, result: &BsdfTestResult, na
             *spread += (other - base).abs();
         }
     }
-    // A lobe-sampled BRDF is evaluated for a direction that is known to an ulp of 1.
+    // A lobe-sampled BRDF is evaluated for a direction that is known to an ulp of 1; its density is that of the facet.
     if matches!(bsdf, Bsdf::LobeSampled(_)) {
         let wo = vector(&inputs).normalize();
         for axis in DVec3::AXES {
             let wi = expected.wi + axis * f64::from(f32::EPSILON);
-            let pdf = bsdf.pdf(wo, wi);
-            let weight = bsdf.eval(wo, wi) * (wi.z / pdf);
-            for (spread, (other, base)) in
-                spread[3..].iter_mut().zip([weight.x, weight.y, weight.z, pdf].iter().zip(&base[3..]))
-            {
-                *spread += (other - base).abs();
+            let values = (bsdf.eval(wo, wi) - bsdf.eval(wo, expected.wi)).abs() * (wi.z / expected.pdf);
+            let pdf = (bsdf.pdf(wo, wi) - expected.pdf).abs();
+            let weights = values + expected.weight * (pdf / expected.pdf);
+            for (spread, change) in spread[3..].iter_mut().zip([weights.x, weights.y, weights.z, pdf]) {
+                *spread += change;
             }
         }
     }

@@ -191,15 +191,11 @@ fn walks_on_the_device_have_the_means_of_the_definitions() {
         let mut p_values = Vec::new();
         for ((&(surface, wo, wi), results), expected) in pairs.iter().zip(results.chunks(WALKS)).zip(&expected) {
             assert!(results.iter().flat_map(|result| result.eval_pdf).all(|x| x.is_finite() && x >= 0.0));
-            for channel in 0..3 {
+            for (channel, expected) in expected.iter().enumerate() {
                 let found = Mean::of(results.iter().map(|result| result.eval_pdf[channel].into()));
-                let context = format!(
-                    "{} wo {wo} wi {wi}: {}, not {}",
-                    describe(&surfaces[surface]),
-                    found.mean,
-                    expected[channel].mean
-                );
-                p_values.push((found.p_value(expected[channel]), context));
+                let context =
+                    format!("{} wo {wo} wi {wi}: {}, not {}", describe(&surfaces[surface]), found.mean, expected.mean);
+                p_values.push((found.p_value(*expected), context));
             }
         }
         let rows: String = p_values.iter().map(|(p, context)| format!("p {p:.3}  {context}\n")).collect();

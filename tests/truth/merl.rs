@@ -3,8 +3,7 @@
 use std::sync::OnceLock;
 
 use glam::{DMat3, DVec3, Vec3};
-use neubrdf::material::HalfDifference;
-use neubrdf::scene::{Brdf, Merl};
+use neubrdf::scene::{Brdf, HalfDifference, Merl};
 
 use crate::common::tables::{self, metal};
 use crate::random::Random;

@@ -1,5 +1,6 @@
 //! BRDFs that a file gives and no closed form does: plain data, validated when it is loaded. What they mean is `crate::material`.
 
+mod half_difference;
 mod merl;
 mod nbrdf;
 mod npy;
@@ -14,6 +15,7 @@ use std::path::Path;
 use super::error::{Error, Place, quote};
 use super::hash::put;
 
+pub use half_difference::HalfDifference;
 pub use merl::Merl;
 pub use nbrdf::Nbrdf;
 pub use rgl::{Rgl, RglTable, RglTables, RglWarp};
@@ -22,6 +24,7 @@ pub use sparse::{Sparse, SparseSample};
 
 /// A BRDF that a file gives.
 #[derive(Clone, Debug, PartialEq)]
+#[allow(clippy::large_enum_variant)] // A scene has each once, behind an `Arc`.
 pub enum Brdf {
     /// A small network (Sztrajman et al. 2021).
     Nbrdf(Nbrdf),
