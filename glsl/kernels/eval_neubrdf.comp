@@ -28,12 +28,12 @@ layout(push_constant, scalar) uniform NeuBrdfPush {
 } push;
 
 void main() {
+    // All invocations evaluate, those beyond the end the last query once more.
     uint i = gl_GlobalInvocationID.x;
-    if (i >= push.count) {
-        return;
-    }
-    NeuBrdfQuery query = push.queries.at[i];
+    NeuBrdfQuery query = push.queries.at[min(i, push.count - 1u)];
     NeuBrdfValues values;
     neubrdf_eval_pair(push.table, query.wo, query.wi_1, query.wi_2, values.f_1, values.f_2);
-    push.results.at[i] = values;
+    if (i < push.count) {
+        push.results.at[i] = values;
+    }
 }

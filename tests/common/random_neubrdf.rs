@@ -15,6 +15,7 @@ impl Stream {
         (self.0 >> 40) as f64 / (1u64 << 24) as f64
     }
 
+    #[allow(dead_code)] // not every user picks
     pub fn below(&mut self, count: usize) -> usize {
         (self.unit() * count as f64) as usize
     }
