@@ -150,7 +150,7 @@ fn compare(brdf: &NeuBrdf, wo: [f32; 3], wi: [f32; 3], found: [f32; 3]) -> Devia
 /// Both precisions, since numbers are such that f16 holds them.
 fn deviation(device: &Arc<Device>, brdf: &NeuBrdf, queries: &[NeuBrdfQuery]) -> Deviation {
     let [values, halves] = [Precision::F32, Precision::F16]
-        .map(|precision| evaluate(device, brdf, &NeuBrdfShape::of([brdf], precision), queries));
+        .map(|precision| evaluate(device, brdf, &NeuBrdfShape::of([brdf], precision).on(device), queries));
     let results = queries.par_iter().zip(values.par_iter().zip(&halves));
     results
         .map(|(query, (values, halves))| {

@@ -39,7 +39,7 @@ pub fn run() -> Result<()> {
 }
 
 fn measure(device: &Arc<Device>, name: &str, brdf: &NeuBrdf, precision: Precision) -> Result<()> {
-    let shape = NeuBrdfShape::of([brdf], precision);
+    let shape = NeuBrdfShape::of([brdf], precision).on(device);
     let mut random = Stream(3);
     let mut direction = || random.direction().as_vec3().to_array();
     let queries: Vec<NeuBrdfQuery> =

@@ -13,6 +13,8 @@ layout(constant_id = 21) const uint NEUBRDF_HIDDEN_GROUPS = 16u;   // of four ne
 layout(constant_id = 22) const uint NEUBRDF_LAYERS = 4u;
 layout(constant_id = 23) const bool NEUBRDF_HALF = false;          // codes, weights and biases are f16
 layout(constant_id = 24) const bool NEUBRDF_ISOTROPIC = true;      // some model is
+// Of a subgroup, which share loads of weights and are all active; 1: each invocation loads for itself.
+layout(constant_id = 25) const uint NEUBRDF_LANES = 1u;
 
 struct SphereTableRecord {
     uint n_side;

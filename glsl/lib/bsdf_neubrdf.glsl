@@ -19,12 +19,20 @@ Brdf brdf_make(MaterialRecord material) {
 
 void brdf_eval_pair(Brdf b, vec3 wo, vec3 wi_1, vec3 wi_2, out vec3 f_1, out vec3 f_2) {
     f_1 = f_2 = vec3(0.0);
-    // One model after another, so that the addresses of its weights are the same for all that evaluate it.
+    // One model after another, by all invocations, since they share the loading of its weights.
+    bool is_done = false;
     [[dont_unroll]] for (;;) {
-        uvec2 table = subgroupBroadcastFirst(b.table);
-        if (table == b.table) {
-            neubrdf_eval_pair(table, wo, wi_1, wi_2, f_1, f_2);
+        uvec4 open = subgroupBallot(!is_done);
+        if (open == uvec4(0u)) {
             break;
+        }
+        uvec2 table = subgroupShuffle(b.table, subgroupBallotFindLSB(open));
+        vec3 value_1, value_2;
+        neubrdf_eval_pair(table, wo, wi_1, wi_2, value_1, value_2);
+        if (!is_done && table == b.table) {
+            f_1 = value_1;
+            f_2 = value_2;
+            is_done = true;
         }
     }
 }

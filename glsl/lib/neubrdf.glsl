@@ -1,17 +1,20 @@
 // A network over features that stand on two hemispheres: src/material/neubrdf.rs.
 //
-// Every invocation of a subgroup has to evaluate the same model, so that its weights are loaded once for all, and two directions of
-// light go through the network together, so that they are loaded once for both.
+// Every invocation of a subgroup evaluates the same model, and two directions of light go through the network together, so that
+// weights are loaded once for all. CPU drivers do not know that a load is the same for all invocations: there each
+// invocation loads other weights, and they are handed around.
 //
 // Layers go in pairs. A pair's first layer is computed four neurons at a time, and what the second one takes from them is added at
 // once to its sums: so no array is indexed by a variable, which would put it in memory. Of each pair `layers` holds, in groups of four
-// numbers: the biases of the second layer; then for every four neurons of the first one what they take from each input, their
-// biases, and what each output of the second one takes from them. A last layer without a partner: its biases, then for
+// numbers: the biases of the second layer; then for every four neurons of the first one their biases, what they take from each
+// input, and what each output of the second one takes from them. A last layer without a partner: its biases, then for
 // each four of its inputs what each output takes from them.
 #ifndef LIB_NEUBRDF_GLSL
 #define LIB_NEUBRDF_GLSL
 
 #extension GL_EXT_control_flow_attributes : require
+#extension GL_KHR_shader_subgroup_basic : require
+#extension GL_KHR_shader_subgroup_shuffle : require
 
 #include "layout/neubrdf.glsl"
 #include "lib/exponential.glsl"
@@ -29,6 +32,31 @@ vec4 neubrdf_numbers(uvec2 table, uint group) {
         return vec4(unpackHalf2x16(halves.x), unpackHalf2x16(halves.y));
     }
     return NeuBrdfFloats(table).at[group];
+}
+
+// What invocations hold for one another of a run of groups.
+struct NeuBrdfHeld {
+    vec2 numbers;
+};
+
+// A group of a run that begins at group `first` of the table; to be called for all in turn, from 0 on, `place` being known when the
+// kernel is built. The run may be read beyond its end.
+vec4 neubrdf_next(uvec2 table, uint first, uint place, inout NeuBrdfHeld held) {
+    if (NEUBRDF_LANES == 1u) {
+        return neubrdf_numbers(table, first + place);
+    }
+    // Words of a group.
+    const uint words = NEUBRDF_HALF ? 2u : 4u;
+    uint lane = words * place % NEUBRDF_LANES;
+    if (lane == 0u) {
+        uint word = NeuBrdfWords(table).at[words * (first + place) + gl_SubgroupInvocationID % NEUBRDF_LANES];
+        held.numbers = NEUBRDF_HALF ? unpackHalf2x16(word) : vec2(uintBitsToFloat(word));
+    }
+    if (NEUBRDF_HALF) {
+        return vec4(subgroupShuffle(held.numbers, lane), subgroupShuffle(held.numbers, lane + 1u));
+    }
+    return vec4(subgroupShuffle(held.numbers.x, lane), subgroupShuffle(held.numbers.x, lane + 1u),
+        subgroupShuffle(held.numbers.x, lane + 2u), subgroupShuffle(held.numbers.x, lane + 3u));
 }
 
 // Where an array begins, counted in groups of four numbers.
@@ -60,8 +88,8 @@ void neubrdf_features(uvec2 table, SphereTableRecord sphere, bool has_equal_weig
     }
 }
 
-// Sums of a pair of layers, without the second one's ReLU. `is_first`: inputs are features; if `shares`, those of wo are the same for
-// both.
+// Sums of a pair of layers, without the second one's ReLU. If `shares`, the first half of the inputs, the features of wo, is the same
+// for both.
 void neubrdf_pair(uvec2 table, inout uint at, uint inputs, uint outputs, bool shares, inout vec4 x_1[NEUBRDF_GROUPS], inout vec4 x_2[NEUBRDF_GROUPS]) {
     vec4 sum_1[NEUBRDF_GROUPS];
     vec4 sum_2[NEUBRDF_GROUPS];
@@ -74,15 +102,14 @@ void neubrdf_pair(uvec2 table, inout uint at, uint inputs, uint outputs, bool sh
     uint stride = 4u * inputs + 1u + 4u * outputs;
     [[dont_unroll]] for (uint block = 0u; block < NEUBRDF_HIDDEN_GROUPS; ++block) {
         uint start = at + block * stride;
-        vec4 y_1 = neubrdf_numbers(table, start + 4u * inputs);
+        NeuBrdfHeld held;
+        vec4 y_1 = neubrdf_next(table, start, 0u, held);
         vec4 y_2 = y_1;
-        [[unroll]] for (uint k = 0u; k < 4u * NEUBRDF_GROUPS; ++k) {
-            // Backwards: what is shared comes first.
-            uint i = 4u * inputs - 1u - k;
-            if (k < 4u * inputs) {
-                vec4 weights = neubrdf_numbers(table, start + i);
+        [[unroll]] for (uint i = 0u; i < 4u * NEUBRDF_GROUPS; ++i) {
+            if (i < 4u * inputs) {
+                vec4 weights = neubrdf_next(table, start, 1u + i, held);
                 y_1 += weights * x_1[i >> 2][i & 3u];
-                if (shares && i >= 2u * inputs) {
+                if (shares && i < 2u * inputs) {
                     y_2 = y_1;
                 } else {
                     y_2 += weights * x_2[i >> 2][i & 3u];
@@ -91,10 +118,9 @@ void neubrdf_pair(uvec2 table, inout uint at, uint inputs, uint outputs, bool sh
         }
         y_1 = max(y_1, 0.0);
         y_2 = max(y_2, 0.0);
-        start += 4u * inputs + 1u;
         [[unroll]] for (uint i = 0u; i < 4u * NEUBRDF_GROUPS; ++i) {
             if (i < 4u * outputs) {
-                vec4 weights = neubrdf_numbers(table, start + i);
+                vec4 weights = neubrdf_next(table, start, 1u + 4u * inputs + i, held);
                 sum_1[i >> 2][i & 3u] += dot(weights, y_1);
                 sum_2[i >> 2][i & 3u] += dot(weights, y_2);
             }
@@ -135,11 +161,11 @@ void neubrdf_eval_pair(uvec2 table, vec3 wo, vec3 wi_1, vec3 wi_2, out vec3 f_1,
         wi_1 = vec3(length(wi_1.xy), 0.0, wi_1.z);
         wi_2 = vec3(length(wi_2.xy), 0.0, wi_2.z);
     }
-    neubrdf_features(table, header.wi, has_equal_weights, wi_1, 0u, x_1);
-    neubrdf_features(table, header.wi, has_equal_weights, wi_2, 0u, x_2);
-    neubrdf_features(table, header.wo, has_equal_weights, wo_1, NEUBRDF_FEATURE_GROUPS, x_1);
+    neubrdf_features(table, header.wi, has_equal_weights, wi_1, NEUBRDF_FEATURE_GROUPS, x_1);
+    neubrdf_features(table, header.wi, has_equal_weights, wi_2, NEUBRDF_FEATURE_GROUPS, x_2);
+    neubrdf_features(table, header.wo, has_equal_weights, wo_1, 0u, x_1);
     if (NEUBRDF_ISOTROPIC) {
-        neubrdf_features(table, header.wo, has_equal_weights, wo_2, NEUBRDF_FEATURE_GROUPS, x_2);
+        neubrdf_features(table, header.wo, has_equal_weights, wo_2, 0u, x_2);
     }
     uint at = neubrdf_first(header.layers);
     uint inputs = NEUBRDF_INPUT_GROUPS;
@@ -162,7 +188,7 @@ void neubrdf_eval_pair(uvec2 table, vec3 wo, vec3 wi_1, vec3 wi_2, out vec3 f_1,
                 [[unroll]] for (uint channel = 0u; channel < 3u; ++channel) {
                     vec4 weights = neubrdf_numbers(table, at + 1u + 3u * i + channel);
                     y_1[channel] += dot(weights, x_1[i]);
-                    y_2[channel] += dot(weights, NEUBRDF_PAIRS == 0u && !NEUBRDF_ISOTROPIC && i >= NEUBRDF_FEATURE_GROUPS ? x_1[i] : x_2[i]);
+                    y_2[channel] += dot(weights, NEUBRDF_PAIRS == 0u && !NEUBRDF_ISOTROPIC && i < NEUBRDF_FEATURE_GROUPS ? x_1[i] : x_2[i]);
                 }
             }
         }

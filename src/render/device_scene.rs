@@ -43,7 +43,7 @@ impl DeviceScene {
         };
 
         let materials = MaterialTable::new(&scene.materials, &scene.brdfs, Precision::F32);
-        let neubrdf_shape = materials.neubrdf_shape;
+        let neubrdf_shape = materials.neubrdf_shape.on(device);
         let tables = materials.tables.iter().map(|table| Ok(keep(Buffer::with_data(device, "material table", table)?)));
         let tables = tables.collect::<Result<Vec<_>, Error>>()?;
         let materials = keep(Buffer::with_data(device, "materials", &materials.records(&tables))?);

@@ -3,6 +3,7 @@
 use bytemuck::cast_slice;
 use half::f16;
 
+use crate::gpu::Device;
 use crate::scene::Brdf;
 use crate::scene::brdf::{CornerWeights, Dense, NO_CODE, NeuBrdf, Precision, SphereTable};
 
@@ -60,6 +61,9 @@ crate::shared_structs! {
     }
 }
 
+/// Invocations that share loads, at most.
+const MOST_LANES: u32 = 8;
+
 /// What a kernel is built for, and all models that it evaluates are filled up to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct NeuBrdfShape {
@@ -72,12 +76,15 @@ pub struct NeuBrdfShape {
     precision: Precision,
     /// Whether some model is.
     is_isotropic: bool,
+    /// Invocations that share loads.
+    lanes: u32,
 }
 
 impl NeuBrdfShape {
     /// The shape that holds all these models; that of the smallest one if there is none.
     pub fn of<'a>(models: impl IntoIterator<Item = &'a NeuBrdf>, precision: Precision) -> NeuBrdfShape {
-        let none = NeuBrdfShape { feature_groups: 1, hidden_groups: 1, layers: 2, precision, is_isotropic: false };
+        let none =
+            NeuBrdfShape { feature_groups: 1, hidden_groups: 1, layers: 2, precision, is_isotropic: false, lanes: 1 };
         models.into_iter().fold(none, |shape, model| {
             let hidden = model.layers.iter().rev().skip(1).map(|layer| layer.outputs.div_ceil(4));
             NeuBrdfShape {
@@ -86,18 +93,27 @@ impl NeuBrdfShape {
                 layers: shape.layers.max(model.layers.len() as u32),
                 precision,
                 is_isotropic: shape.is_isotropic || model.is_isotropic,
+                lanes: shape.lanes,
             }
         })
     }
 
+    /// The same, for a device. Invocations of CPU drivers share loads: these would not notice that all load the same.
+    pub fn on(self, device: &Device) -> NeuBrdfShape {
+        let subgroup_size = device.limits().subgroup_size;
+        let shares = device.profile().is_cpu && (2..=MOST_LANES).contains(&subgroup_size);
+        NeuBrdfShape { lanes: if shares { subgroup_size } else { 1 }, ..self }
+    }
+
     /// The specialization constants of `glsl/layout/neubrdf.glsl`.
-    pub fn specialization(&self) -> [(u32, u32); 5] {
+    pub fn specialization(&self) -> [(u32, u32); 6] {
         [
             (20, self.feature_groups),
             (21, self.hidden_groups),
             (22, self.layers),
             (23, u32::from(self.precision == Precision::F16)),
             (24, u32::from(self.is_isotropic)),
+            (25, self.lanes),
         ]
     }
 }
@@ -113,6 +129,8 @@ pub fn pack_neubrdf(model: &NeuBrdf, shape: &NeuBrdfShape) -> Vec<u32> {
     let wi = pack_sphere(&mut words, &model.wi, shape);
     let wo = pack_sphere(&mut words, &model.wo, shape);
     let layers = push(&mut words, &numbers(&pack_layers(model, shape), shape.precision));
+    // Subgroups may read a little beyond the end.
+    words.extend([0; MOST_LANES as usize]);
     let encoding = model.encoding;
     let header = NeuBrdfTable {
         wi,
@@ -185,10 +203,14 @@ fn pack_layers(model: &NeuBrdf, shape: &NeuBrdfShape) -> Vec<f32> {
     let mut layers: Vec<Filled> = Vec::new();
     let (last, others) = model.layers.split_last().map_or((None, &[][..]), |(last, others)| (Some(last), others));
     for layer in others {
-        // Inputs of the first layer: features of ωi, features of ωo, each filled up.
+        // Inputs of the first layer: here the features of ωi come first, there those of ωo, each filled up.
         let is_first = layers.is_empty();
         let width = if is_first { 2 * features } else { hidden };
-        let place = |input: usize| if is_first && input >= first { input - first + features } else { input };
+        let place = |input: usize| match input {
+            _ if !is_first => input,
+            _ if input < first => input + features,
+            _ => input - first,
+        };
         layers.push(Filled::new(layer, width, hidden, place));
     }
     // What is not negative passes unchanged through a layer that has ReLU and ones on its diagonal.
@@ -203,10 +225,10 @@ fn pack_layers(model: &NeuBrdf, shape: &NeuBrdfShape) -> Vec<f32> {
         numbers.extend_from_slice(&second.bias);
         for block in (0..hidden).step_by(4) {
             let neurons = block..block + 4;
+            numbers.extend_from_slice(&first.bias[neurons.clone()]);
             for input in 0..first.inputs {
                 numbers.extend(neurons.clone().map(|neuron| first.weight(input, neuron)));
             }
-            numbers.extend_from_slice(&first.bias[neurons.clone()]);
             for output in 0..second.bias.len() {
                 numbers.extend(neurons.clone().map(|neuron| second.weight(neuron, output)));
             }

@@ -56,7 +56,8 @@ impl Shader {
         let addresses: Vec<u64> = tables.iter().map(Buffer::address).collect();
         let materials = Buffer::with_data(device, "materials", &packed.records(&addresses)).unwrap();
         let kernel =
-            Kernel::new(device, spirv::load(&kernel_name).unwrap(), &packed.neubrdf_shape.specialization()).unwrap();
+            Kernel::new(device, spirv::load(&kernel_name).unwrap(), &packed.neubrdf_shape.on(device).specialization())
+                .unwrap();
         Shader { device: device.clone(), kernel, materials, _tables: tables }
     }
 
