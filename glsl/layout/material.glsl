@@ -16,6 +16,7 @@ const uint FAMILY_CONDUCTOR = 1u;
 const uint FAMILY_DIELECTRIC = 2u;
 const uint FAMILY_COATED = 3u;
 const uint FAMILY_NBRDF = 4u;
+const uint FAMILY_NEUBRDF = 5u;
 const uint FAMILY_LAYERED = 6u;
 const uint FAMILY_WOVEN = 7u;
 const uint FAMILY_MERL = 8u;

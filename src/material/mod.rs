@@ -20,6 +20,7 @@ mod lobe_fit;
 mod lobe_sampled;
 mod merl;
 mod nbrdf;
+mod neubrdf;
 mod prepared;
 mod rgl;
 mod sparse;
@@ -41,6 +42,7 @@ pub use layered::LayeredWalk;
 pub use lobe_fit::fit_lobe;
 pub use lobe_sampled::{Evaluate, LobeSampled};
 pub use nbrdf::LARGEST_OUTPUT as NBRDF_LARGEST_OUTPUT;
+pub use neubrdf::turned;
 pub use prepared::Prepared;
 
 /// GGX surfaces with α below this are perfectly smooth: their lobe is a Dirac delta.

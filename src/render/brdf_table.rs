@@ -8,6 +8,7 @@ use std::f32::consts::FRAC_1_PI;
 
 use glam::{Vec2, Vec3};
 
+use super::neubrdf_table::{NeuBrdfShape, pack_neubrdf};
 use crate::scene::{
     Brdf, Fresnel, LayerBase, Layered, Nbrdf, Rgl, RglTables, RglWarp, SamplingLobe, Sparse, Woven, Yarn,
 };
@@ -23,11 +24,12 @@ pub fn pack(lobe: &SamplingLobe, brdf: &[u32]) -> Vec<u32> {
     words
 }
 
-/// The words of a BRDF that a file gives.
-pub fn brdf(brdf: &Brdf) -> Vec<u32> {
+/// The words of a BRDF that a file gives, where kernels are built for NeuBRDFs of this shape.
+pub fn brdf(brdf: &Brdf, shape: &NeuBrdfShape) -> Vec<u32> {
     let bits = |numbers: &[f32]| numbers.iter().map(|number| number.to_bits()).collect();
     match brdf {
         Brdf::Nbrdf(nbrdf) => bits(&pack_nbrdf(nbrdf)),
+        Brdf::NeuBrdf(neubrdf) => pack_neubrdf(neubrdf, shape),
         Brdf::Merl(merl) => bits(merl.values().as_flattened()),
         Brdf::Rgl(rgl) => pack_rgl(rgl),
         Brdf::Sparse(sparse) => pack_sparse(sparse),

@@ -177,5 +177,6 @@ pub fn shade_kernel(family: Family) -> &'static str {
         Family::Merl => "shade_merl",
         Family::Rgl => "shade_rgl",
         Family::Sparse => "shade_sparse",
+        Family::NeuBrdf => "shade_neubrdf",
     }
 }

@@ -12,6 +12,7 @@ use glam::{DVec3, Vec3};
 use neubrdf::gpu::{Buffer, Commands, Device, Kernel, Memory, spirv};
 use neubrdf::material::{self, Bsdf, BsdfSample, Prepared};
 use neubrdf::render::{Family, MaterialTable, family};
+use neubrdf::scene::brdf::Precision;
 use neubrdf::scene::{Brdf, Material, Surface};
 use rayon::prelude::*;
 
@@ -59,12 +60,14 @@ pub struct Shader {
 impl Shader {
     pub fn new(device: &Arc<Device>, surfaces: &[Surface], brdfs: &[Arc<Brdf>]) -> Shader {
         let kernel_name = format!("test_bsdf_{}", family(&surfaces[0], brdfs).name());
-        let packed = MaterialTable::new(&surfaces.iter().map(as_material).collect::<Vec<_>>(), brdfs);
+        let packed = MaterialTable::new(&surfaces.iter().map(as_material).collect::<Vec<_>>(), brdfs, Precision::F32);
         let upload = |table: &Vec<u32>| Buffer::with_data(device, "material table", table).unwrap();
         let tables: Vec<Buffer> = packed.tables.iter().map(upload).collect();
         let addresses: Vec<u64> = tables.iter().map(Buffer::address).collect();
         let materials = Buffer::with_data(device, "materials", &packed.records(&addresses)).unwrap();
-        let kernel = Kernel::new(device, spirv::load(&kernel_name).unwrap(), &[]).unwrap();
+        let kernel =
+            Kernel::new(device, spirv::load(&kernel_name).unwrap(), &packed.neubrdf_shape.on(device).specialization())
+                .unwrap();
         Shader { device: device.clone(), kernel, materials, _tables: tables }
     }
 
@@ -124,7 +127,7 @@ fn surfaces(family: Family, brdfs: &[Arc<Brdf>]) -> Vec<Surface> {
         }
         Family::Layered => truths::layered(),
         Family::Woven => truths::woven(),
-        Family::Nbrdf | Family::Merl | Family::Rgl | Family::Sparse => {
+        Family::Nbrdf | Family::NeuBrdf | Family::Merl | Family::Rgl | Family::Sparse => {
             let measured = (0..brdfs.len() as u32).map(|brdf| Surface::Measured { brdf });
             measured.filter(|surface| neubrdf::render::family(surface, brdfs) == family).collect()
         }

@@ -5,6 +5,7 @@ pub mod bsdf_structs;
 pub mod gpu_structs;
 pub mod networks;
 pub mod tables;
+pub mod random_neubrdf;
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
