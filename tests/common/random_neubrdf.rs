@@ -110,7 +110,7 @@ pub fn random_neubrdf(shape: Shape, seed: u64) -> NeuBrdf {
         wo,
         layers,
         encoding: Encoding { gain: 100.0, scale: 2.0, max: 1e5 },
-        lobe: SamplingLobe { alpha: [0.2, 0.3], weight: [0.5; SamplingLobe::NODES] },
+        lobe: SamplingLobe { alpha: [[0.1, 0.2], [0.5, 0.4]], weight: [[0.3, 0.2]; SamplingLobe::NODES] },
         provenance: Provenance { source: "random numbers".into(), ..Provenance::default() },
     }
 }

@@ -72,7 +72,7 @@ impl NeuBrdf {
         self.encoding.validate()?;
         let lobe = self.lobe.to_floats();
         let fits = SamplingLobe::from_floats(&lobe).is_some();
-        expect(fits, "lobe", || format!("{lobe:?}"), "two α and probabilities, in range")?;
+        expect(fits, "lobe", || format!("{lobe:?}"), "α and probabilities, in range")?;
         let is_finite = self.provenance.errors.values().all(|error| error.is_finite());
         expect(is_finite, "provenance.errors", || "a number that is not finite".into(), "finite numbers")
     }

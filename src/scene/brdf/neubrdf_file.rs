@@ -55,7 +55,7 @@ struct Header {
     precision: Precision,
     encoding: Encoding,
     /// [`SamplingLobe::to_floats`].
-    lobe: [f32; SamplingLobe::FLOATS],
+    lobe: Vec<f32>,
     provenance: Provenance,
 }
 
@@ -90,7 +90,7 @@ impl NeuBrdf {
             widths: self.layers.iter().map(|layer| layer.inputs).chain([3]).collect(),
             precision,
             encoding: self.encoding,
-            lobe: self.lobe.to_floats(),
+            lobe: self.lobe.to_floats().to_vec(),
             provenance: self.provenance.clone(),
         };
         let header = serde_json::to_vec(&header)
@@ -161,8 +161,9 @@ impl NeuBrdf {
             ));
         }
         let Header { is_isotropic, corner_weights, encoding, provenance, .. } = header;
-        let lobe = SamplingLobe::from_floats(&header.lobe)
-            .ok_or_else(|| Flaw::new("lobe", format!("{:?}", header.lobe), "two α and probabilities, in range"))?;
+        let lobe = header.lobe.as_slice().try_into().ok().and_then(SamplingLobe::from_floats);
+        let lobe =
+            lobe.ok_or_else(|| Flaw::new("lobe", format!("{:?}", header.lobe), "α and probabilities, in range"))?;
         let brdf = NeuBrdf { is_isotropic, corner_weights, wi, wo, layers, encoding, lobe, provenance };
         brdf.validate()?;
         Ok(brdf)
