@@ -6,6 +6,7 @@
 //! Conventions: right-handed, y up, counter-clockwise triangles face their normal. Radiance is in
 //! W·sr⁻¹·m⁻² per channel.
 
+pub mod brdf;
 mod camera;
 mod decode;
 mod error;

@@ -1,0 +1,172 @@
+//! A BRDF as a small network over features that stand on two hemispheres, one of ωi and one of ωo: *Real-Time Neural BRDF with
+//! Spherically Distributed Primitives*. What it computes is `crate::material`'s; here is what it consists of.
+
+use std::collections::BTreeMap;
+
+use glam::DVec3;
+use serde::{Deserialize, Serialize};
+
+use super::SphereGrid;
+
+/// [`SphereTable::indices`] of a point that is a corner of no pixel, since merging made its pixels one.
+pub const NO_CODE: u16 = u16::MAX;
+
+/// How much each corner of a pixel counts.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum CornerWeights {
+    /// A quarter each, the paper's choice. In merged pixels, which are large, by the inverse of the distance.
+    Uniform,
+    /// Bilinear within the pixel, of whatever size: continuous over pixels of one size.
+    Bilinear,
+}
+
+/// Features over a hemisphere: grid points name codes of a codebook.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SphereTable {
+    /// Where its points are.
+    pub grid: SphereGrid,
+    /// Features of a code, F.
+    pub features: u32,
+    /// The codebook, codes × F.
+    pub codes: Vec<f32>,
+    /// The code of each grid point, or [`NO_CODE`].
+    pub indices: Vec<u16>,
+    /// How often each pixel was merged with its siblings ([`SphereGrid::merge`]); empty where none was.
+    pub levels: Vec<u8>,
+}
+
+/// The grid points that a direction's features are the weighted sum of.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Gathered {
+    /// Points; one may come twice.
+    pub points: [u32; 4],
+    /// Their weights, ≥ 0, with the sum 1.
+    pub weights: [f64; 4],
+}
+
+impl SphereTable {
+    /// How many codes there are.
+    pub fn code_count(&self) -> usize {
+        self.codes.len() / self.features as usize
+    }
+
+    /// What the features at a direction are made of.
+    pub fn gather(&self, w: DVec3, corner_weights: CornerWeights) -> Gathered {
+        let mut level = 0;
+        let located = self.grid.locate_merged(w, |pixel| {
+            level = self.levels.get(pixel as usize).map_or(0, |level| u32::from(*level));
+            level
+        });
+        let (u, v) = (located.u, located.v);
+        let weights = match corner_weights {
+            CornerWeights::Bilinear => [(1.0 - u) * (1.0 - v), u * (1.0 - v), (1.0 - u) * v, u * v],
+            CornerWeights::Uniform if level == 0 => [0.25; 4],
+            CornerWeights::Uniform => inverse_distances(u, v),
+        };
+        Gathered { points: located.corners, weights }
+    }
+
+    /// Merges pixels without data ([`SphereGrid::merge`]) and drops the points that are no corner any more. Corners that no
+    /// pixel with data touches take over the code of the nearest point that one does; unless none does, when all stays as it is.
+    pub fn prune(&mut self, has_data: impl Fn(u32) -> bool) {
+        let is_known = self.known_points(&has_data);
+        let known: Vec<usize> = (0..self.grid.point_count()).filter(|point| is_known[*point]).collect();
+        if known.is_empty() {
+            return;
+        }
+        let levels = self.grid.merge(|pixel| !has_data(pixel));
+        let is_corner = self.grid.corners_of(&levels);
+        let directions: Vec<DVec3> = known.iter().map(|point| self.grid.point(*point)).collect();
+        let old = self.indices.clone();
+        for (point, index) in self.indices.iter_mut().enumerate() {
+            if !is_corner[point] {
+                *index = NO_CODE;
+            } else if !is_known[point] {
+                let here = self.grid.point(point);
+                let distance = |k: &usize| directions[*k].distance_squared(here);
+                let nearest = (0..known.len()).min_by(|a, b| distance(a).total_cmp(&distance(b)));
+                *index = nearest.map_or(*index, |k| old[known[k]]);
+            }
+        }
+        self.levels = if levels.iter().all(|level| *level == 0) { Vec::new() } else { levels };
+    }
+
+    /// The points that data was seen next to: corners of pixels with data.
+    fn known_points(&self, has_data: impl Fn(u32) -> bool) -> Vec<bool> {
+        let mut is_known = vec![false; self.grid.point_count()];
+        for (pixel, corners) in self.grid.pixels() {
+            if has_data(pixel) {
+                corners.into_iter().for_each(|corner| is_known[corner as usize] = true);
+            }
+        }
+        is_known
+    }
+}
+
+/// Weights by the inverse of the Euclidean distance in the pixel's plane, where areas are those on the sphere.
+fn inverse_distances(u: f64, v: f64) -> [f64; 4] {
+    // A corner closer than this is all that counts; beyond, division is safe.
+    const NEAREST: f64 = 1e-3;
+    let weights = [(u, v), (1.0 - u, v), (u, 1.0 - v), (1.0 - u, 1.0 - v)].map(|(x, y)| 1.0 / x.hypot(y).max(NEAREST));
+    let sum: f64 = weights.iter().sum();
+    weights.map(|weight| weight / sum)
+}
+
+/// A fully connected layer, y = W x + b.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Dense {
+    /// Length of x.
+    pub inputs: u32,
+    /// Length of y.
+    pub outputs: u32,
+    /// W, outputs × inputs: a row an output.
+    pub weights: Vec<f32>,
+    /// b.
+    pub bias: Vec<f32>,
+}
+
+/// What the network's output y stands for: the BRDF is (exp(scale · y) − 1) / gain, clamped to [0, max]. The inverse of
+/// y = ln(1 + gain · f) / scale, in which the loss is taken.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Encoding {
+    /// > 0; what is much smaller than its inverse counts little.
+    pub gain: f32,
+    /// > 0.
+    pub scale: f32,
+    /// The greatest value, in sr⁻¹.
+    pub max: f32,
+}
+
+/// Where a material comes from, for people and reports. Nothing is computed from it.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
+pub struct Provenance {
+    /// What it was trained on.
+    pub source: String,
+    /// How: recipe, quality, steps, seed, version.
+    pub training: BTreeMap<String, String>,
+    /// Its errors against that, by name.
+    pub errors: BTreeMap<String, f64>,
+}
+
+/// A material: value(ωo, ωi) = decode(MLP([features of ωi, features of ωo])).
+///
+/// Isotropic ones are turned about z first, so that ωi has the azimuth 0 and ωo one in [0, π].
+#[derive(Clone, Debug, PartialEq)]
+pub struct NeuBrdf {
+    /// Whether only the difference of the azimuths matters, and not its sign.
+    pub is_isotropic: bool,
+    /// How the corners of a pixel count.
+    pub corner_weights: CornerWeights,
+    /// Features of ωi.
+    pub wi: SphereTable,
+    /// Features of ωo.
+    pub wo: SphereTable,
+    /// The network; ReLU after each but the last, which has three outputs.
+    pub layers: Vec<Dense>,
+    /// What the outputs stand for.
+    pub encoding: Encoding,
+    /// Where it comes from.
+    pub provenance: Provenance,
+}
