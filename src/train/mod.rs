@@ -1,3 +1,12 @@
 //! Fits neural BRDFs to a ground truth, on the CPU, with all cores and their vector units.
-mod product;
-pub use product::{multiply_add, Left};
+
+pub mod adam;
+pub mod ball;
+pub mod measure;
+pub mod network;
+pub mod pairs;
+pub mod product;
+pub mod random;
+pub mod table;
+pub mod trainer;
+pub mod vector;

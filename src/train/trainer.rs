@@ -1,0 +1,316 @@
+//! One step after the other: gather, forward, loss, backward, scatter, Adam.
+//!
+//! A batch is cut into the same shards whatever the number of threads, and their gradients are added in order: a seed gives the
+//! same bits again on the same machine.
+
+use rayon::prelude::*;
+
+use super::adam::Adam;
+use super::network::{Network, Shard};
+use super::product::padded;
+use super::random::Random;
+use super::table::{Table, TableStep};
+
+/// Grid points and their weights at a direction.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Corners {
+    /// The points.
+    pub points: [u32; 4],
+    /// Their weights.
+    pub weights: [f32; 4],
+}
+
+/// What the network sees of the pairs.
+pub enum Inputs {
+    /// Features gathered from the tables of ωi and ωo.
+    Corners(Vec<[Corners; 2]>),
+    /// Numbers as they are, pairs × width.
+    Direct(Vec<f32>),
+}
+
+/// The pairs to learn from as steps need them.
+pub struct Pool {
+    /// What goes in.
+    pub inputs: Inputs,
+    /// What should come out, and the weight of the pair in the loss.
+    pub targets: Vec<[f32; 4]>,
+}
+
+/// What the network's output stands for in the loss.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Head {
+    /// The target itself.
+    Encoded,
+    /// ln(1 + f) of the BRDF f, while the target is ln(1 + gain · f) / scale.
+    LogPlusOne {
+        /// Gain of the target.
+        gain: f32,
+        /// Scale of the target.
+        scale: f32,
+    },
+}
+
+/// Learning rates and the softness of a step.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Rates {
+    /// Of the network.
+    pub network: f32,
+    /// Of codes and points.
+    pub tables: f32,
+    /// Of softmax quantisers.
+    pub temperature: f32,
+    /// Where |error| turns from square to linear; 0 is L1.
+    pub smooth: f32,
+}
+
+/// Rows of a shard.
+const SHARD: usize = 256;
+
+/// Pairs that stay together when the pool is shuffled, for the caches' sake.
+const BLOCK: usize = 64;
+
+/// A model while it is trained.
+pub struct Trainer {
+    /// The dense layers.
+    pub network: Network,
+    /// Their moments.
+    pub adam: Adam,
+    /// Features of ωi and ωo; empty for a network on direct inputs.
+    pub tables: Vec<Table>,
+    /// What outputs stand for.
+    pub head: Head,
+    /// Steps done.
+    pub step: u32,
+    /// Steps since the moments were last reset.
+    pub adam_step: u32,
+    seed: u64,
+    pool: Pool,
+    order: Vec<u32>,
+    epoch: u64,
+    transposed: Vec<f32>,
+    shards: Vec<Shard>,
+    scatters: Vec<Scatter>,
+}
+
+/// Gradient of a table's rows.
+struct Scatter {
+    gradient: Vec<f32>,
+    is_touched: Vec<bool>,
+    touched: Vec<u32>,
+}
+
+impl Trainer {
+    /// A model before its first step.
+    pub fn new(network: Network, tables: Vec<Table>, head: Head, pool: Pool, seed: u64) -> Trainer {
+        let scatters = tables
+            .iter()
+            .map(|table| Scatter {
+                gradient: vec![0.0; table.rows.len()],
+                is_touched: vec![false; table.point_count()],
+                touched: Vec::new(),
+            })
+            .collect();
+        Trainer {
+            adam: Adam::new(network.parameters.len()),
+            tables,
+            head,
+            step: 0,
+            adam_step: 0,
+            seed,
+            pool,
+            order: Vec::new(),
+            epoch: u64::MAX,
+            transposed: Vec::new(),
+            shards: Vec::new(),
+            scatters,
+            network,
+        }
+    }
+
+    /// One step over `batch` pairs (a multiple of 256). Returns their mean loss.
+    pub fn train(&mut self, batch: usize, rates: Rates) -> f64 {
+        let shard_count = batch / SHARD;
+        let blocks = self.blocks(batch / BLOCK);
+        if self.shards.len() != shard_count || self.shards[0].gradient.len() != self.network.parameters.len() {
+            self.shards = vec![Shard::new(&self.network, SHARD); shard_count];
+        }
+        self.network.transpose(&mut self.transposed);
+        let Trainer { network, tables, head, pool, transposed, shards, .. } = self;
+        let scale = 1.0 / (3 * batch) as f32;
+        shards.par_iter_mut().zip(blocks.par_chunks(SHARD / BLOCK)).for_each(|(shard, blocks)| {
+            gather(pool, tables, blocks, shard);
+            network.forward(shard);
+            loss(pool, *head, rates.smooth, scale, blocks, shard);
+            shard.gradient.fill(0.0);
+            network.backward(transposed, shard);
+        });
+        self.step += 1;
+        self.adam_step += 1;
+        let step = self.adam_step;
+        let Trainer { network, adam, tables, pool, shards, scatters, .. } = self;
+        let (first, others) = shards.split_at_mut(1);
+        rayon::join(
+            || {
+                let sum = &mut first[0].gradient;
+                for shard in others.iter() {
+                    sum.iter_mut().zip(&shard.gradient).for_each(|(sum, value)| *sum += value);
+                }
+                adam.step(0, &mut network.parameters, sum, rates.network, step);
+            },
+            || (),
+        );
+        let shards = &self.shards;
+        let corners = match &pool.inputs {
+            Inputs::Corners(corners) => corners,
+            Inputs::Direct(_) => &Vec::new(),
+        };
+        let at = TableStep { step, rate: rates.tables, temperature: rates.temperature };
+        tables.par_iter_mut().zip(scatters).enumerate().for_each(|(side, (table, scatter))| {
+            scatter.add(table.features, side, corners, &blocks, shards);
+            table.step(&scatter.gradient, &scatter.touched, at);
+        });
+        shards.iter().map(|shard| shard.loss).sum::<f64>() / (3 * batch) as f64
+    }
+
+    /// The blocks of the next batch: each epoch goes through the pool in an order of its own.
+    fn blocks(&mut self, count: usize) -> Vec<u32> {
+        let total = self.pool.targets.len() / BLOCK;
+        (0..count as u64)
+            .map(|i| {
+                let place = u64::from(self.step) * count as u64 + i;
+                let epoch = place / total as u64;
+                if epoch != self.epoch {
+                    self.order = Random::new(self.seed, epoch).permutation(total);
+                    self.epoch = epoch;
+                }
+                self.order[(place % total as u64) as usize]
+            })
+            .collect()
+    }
+
+    /// What comes out for other inputs: the three outputs of each pair.
+    pub fn outputs(&self, inputs: &Inputs) -> Vec<[f32; 3]> {
+        outputs(&self.network, &self.tables, inputs)
+    }
+}
+
+/// What a network gives for some inputs: the three outputs of each pair.
+pub fn outputs(network: &Network, tables: &[Table], inputs: &Inputs) -> Vec<[f32; 3]> {
+    let count = match inputs {
+        Inputs::Corners(corners) => corners.len(),
+        Inputs::Direct(values) => values.len() / network.widths()[0],
+    };
+    let mut all = vec![[0.0; 3]; count];
+    all.par_chunks_mut(SHARD).enumerate().for_each(|(chunk, all)| {
+        let mut shard = Shard::new(network, SHARD);
+        for (row, pair) in (chunk * SHARD..chunk * SHARD + all.len()).enumerate() {
+            gather_row(inputs, tables, pair, row, network.widths()[0], &mut shard);
+        }
+        network.forward(&mut shard);
+        let (out, _) = shard.outputs();
+        for (to, from) in all.iter_mut().zip(out.chunks_exact(padded(3))) {
+            to.copy_from_slice(&from[..3]);
+        }
+    });
+    all
+}
+
+fn pairs_of(blocks: &[u32]) -> impl Iterator<Item = usize> {
+    blocks.iter().flat_map(|block| (0..BLOCK).map(move |i| *block as usize * BLOCK + i))
+}
+
+fn gather(pool: &Pool, tables: &[Table], blocks: &[u32], shard: &mut Shard) {
+    let width = match &pool.inputs {
+        Inputs::Corners(_) => tables.iter().map(|table| table.features).sum(),
+        Inputs::Direct(values) => values.len() / pool.targets.len(),
+    };
+    for (row, pair) in pairs_of(blocks).enumerate() {
+        gather_row(&pool.inputs, tables, pair, row, width, shard);
+    }
+}
+
+fn gather_row(inputs: &Inputs, tables: &[Table], pair: usize, row: usize, width: usize, shard: &mut Shard) {
+    let out = &mut shard.inputs()[row * padded(width)..][..width];
+    match inputs {
+        Inputs::Direct(values) => out.copy_from_slice(&values[pair * width..][..width]),
+        Inputs::Corners(corners) => {
+            let mut rest = out;
+            for (table, at) in tables.iter().zip(&corners[pair]) {
+                let (out, after) = rest.split_at_mut(table.features);
+                rest = after;
+                let [a, b, c, d] = at.points.map(|point| table.row(point));
+                let [p, q, r, s] = at.weights;
+                for (f, out) in out.iter_mut().enumerate() {
+                    *out = p * a[f] + q * b[f] + r * c[f] + s * d[f];
+                }
+            }
+        }
+    }
+}
+
+fn loss(pool: &Pool, head: Head, smooth: f32, scale: f32, blocks: &[u32], shard: &mut Shard) {
+    let mut sum = 0.0;
+    let (outputs, gradients) = shard.outputs();
+    let width = padded(3);
+    for ((output, gradient), pair) in
+        outputs.chunks_exact(width).zip(gradients.chunks_exact_mut(width)).zip(pairs_of(blocks))
+    {
+        let target = pool.targets[pair];
+        for channel in 0..3 {
+            let (encoded, slope) = head.encode(output[channel]);
+            let error = encoded - target[channel];
+            let size = error.abs();
+            // Huber's loss, scaled so that its slope far out is 1.
+            let (loss, derivative) = if size > smooth {
+                (size - 0.5 * smooth, error.signum())
+            } else {
+                (0.5 * error * error / smooth.max(1e-12), error / smooth.max(1e-12))
+            };
+            sum += f64::from(target[3] * loss);
+            gradient[channel] = scale * target[3] * derivative * slope;
+        }
+    }
+    shard.loss = sum;
+}
+
+impl Head {
+    /// The target that an output stands for, and its derivative.
+    pub fn encode(self, y: f32) -> (f32, f32) {
+        match self {
+            Head::Encoded => (y, 1.0),
+            // Below 0, where the BRDF is 0, it goes on straight, so that a gradient leads back.
+            Head::LogPlusOne { gain, scale } if y < 0.0 => (gain * y / scale, gain / scale),
+            Head::LogPlusOne { gain, scale } => {
+                let argument = 1.0 + gain * y.exp_m1();
+                (argument.ln() / scale, gain * y.exp() / argument / scale)
+            }
+        }
+    }
+}
+
+impl Scatter {
+    /// The gradient of a table's rows from that of the features of a batch, pair by pair.
+    fn add(&mut self, features: usize, side: usize, corners: &[[Corners; 2]], blocks: &[u32], shards: &[Shard]) {
+        self.gradient.fill(0.0);
+        self.is_touched.fill(false);
+        self.touched.clear();
+        for (shard, blocks) in shards.iter().zip(blocks.chunks(SHARD / BLOCK)) {
+            let stride = shard.input_gradient().len() / SHARD;
+            for (row, pair) in shard.input_gradient().chunks_exact(stride).zip(pairs_of(blocks)) {
+                let row = &row[side * features..][..features];
+                let at = &corners[pair][side];
+                for (point, weight) in at.points.into_iter().zip(at.weights) {
+                    if weight == 0.0 {
+                        continue;
+                    }
+                    if !self.is_touched[point as usize] {
+                        self.is_touched[point as usize] = true;
+                        self.touched.push(point);
+                    }
+                    let to = &mut self.gradient[point as usize * features..][..features];
+                    to.iter_mut().zip(row).for_each(|(to, value)| *to += weight * value);
+                }
+            }
+        }
+    }
+}
