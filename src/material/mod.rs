@@ -15,6 +15,7 @@ mod diffuse;
 mod frame;
 mod fresnel;
 mod ggx;
+mod neubrdf;
 
 use glam::{DVec3, Vec2};
 
@@ -28,6 +29,7 @@ pub use diffuse::Diffuse;
 pub use frame::{Frame, orthonormal_basis, triangle_dpdu};
 pub use fresnel::{fresnel_complex, fresnel_dielectric, fresnel_dielectric_average, fresnel_schlick};
 pub use ggx::Ggx;
+pub use neubrdf::turned;
 
 /// GGX surfaces with α below this are perfectly smooth: their lobe is a Dirac delta.
 pub const SMOOTH_ALPHA: f32 = 1e-4;

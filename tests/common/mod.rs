@@ -3,6 +3,7 @@
 
 pub mod bsdf_structs;
 pub mod gpu_structs;
+pub mod random_neubrdf;
 
 use std::sync::Arc;
 

@@ -48,7 +48,7 @@ pub struct Gathered {
 impl SphereTable {
     /// How many codes there are.
     pub fn code_count(&self) -> usize {
-        self.codes.len() / self.features as usize
+        self.codes.len() / self.features.max(1) as usize
     }
 
     /// What the features at a direction are made of.

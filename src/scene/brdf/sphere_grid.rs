@@ -96,7 +96,7 @@ impl SphereGrid {
             (z, sigma * ((1.0 + z) / 3.0).sqrt(), f64::from(place) / f64::from(ring.max(1)))
         } else {
             let z = (2.0 - sigma) / 1.5;
-            (z, (1.0 - z * z).sqrt(), (f64::from(place) - 0.5 * f64::from(ring - n & 1)) / f64::from(n))
+            (z, (1.0 - z * z).sqrt(), (f64::from(place) - 0.5 * f64::from((ring - n) & 1)) / f64::from(n))
         };
         let (sin, cos) = ((quarters - quarters.floor()) * std::f64::consts::FRAC_PI_2).sin_cos();
         let [x, y] = match quarters.floor() as i32 & 3 {
@@ -133,7 +133,7 @@ impl SphereGrid {
             (n + (index - belt) / (4 * n), (index - belt) % (4 * n))
         } else {
             // The last ring with 1 + 2r(r − 1) ≤ index.
-            let ring = (1 + (2 * index - 1).isqrt()) / 2;
+            let ring = (2 * index - 1).isqrt().div_ceil(2);
             (ring, index - (1 + 2 * ring * (ring - 1)))
         }
     }
@@ -150,41 +150,45 @@ impl SphereGrid {
     }
 
     /// How often each pixel is merged when pixels without data become their parents: four that share a parent, all of them
-    /// `is_empty`, become that parent, recursively. None is merged across the borders of HEALPix' faces.
+    /// `is_empty`, become that parent, recursively.
     pub fn merge(self, is_empty: impl Fn(u32) -> bool) -> Vec<u8> {
+        self.merge_where(|_, pixels| pixels.iter().all(|pixel| is_empty(*pixel)))
+    }
+
+    /// How often each pixel is merged when blocks of 4^level pixels are one pixel where `is_merged(level, pixels)` says so. It
+    /// is asked from the faces of HEALPix, which nothing is merged across, down to blocks of four, unless a larger block is
+    /// merged. Blocks that the equator cuts have fewer pixels.
+    pub fn merge_where(self, mut is_merged: impl FnMut(u32, &[u32]) -> bool) -> Vec<u8> {
         let n = self.n_side;
         let mut levels = vec![0; self.pixel_count()];
-        for quadrant in 0..4 {
-            for (first_i, pole_face) in [(0, true), (n, false)] {
-                // Equatorial faces are halved: their pixels beyond i + j = 2 N − 1 are south of the equator.
-                let exists = |i: u32, j: u32| pole_face || i + j < 2 * n;
-                let pixel = |i: u32, j: u32| self.index(quadrant, i, j + 1) - 1;
-                for level in 1..=self.max_level() {
-                    let size = 1 << level;
-                    for (i, j) in (0..n).step_by(size).flat_map(|i| (0..n).step_by(size).map(move |j| (first_i + i, j)))
-                    {
-                        let parts = || {
-                            (i..i + size as u32)
-                                .flat_map(move |i| (j..j + size as u32).map(move |j| (i, j)))
-                                .filter(|&(i, j)| exists(i, j))
-                                .map(|(i, j)| pixel(i, j))
-                        };
-                        if parts().all(|part| u32::from(levels[part as usize]) == level - 1 && is_empty(part)) {
-                            parts().for_each(|part| levels[part as usize] = level as u8);
-                        }
-                    }
-                }
+        let faces = (0..4).flat_map(|quadrant| [(quadrant, 0, 0), (quadrant, n, 0)]);
+        let mut open: Vec<(u32, u32, u32, u32)> =
+            faces.map(|(quadrant, i, j)| (self.max_level(), quadrant, i, j)).collect();
+        while let Some((level, quadrant, i, j)) = open.pop() {
+            let size = 1 << level;
+            let places = (i..i + size).flat_map(|i| (j..j + size).map(move |j| (i, j))).filter(|(i, j)| i + j < 2 * n);
+            let pixels: Vec<u32> = places.map(|(i, j)| self.index(quadrant, i, j + 1) - 1).collect();
+            if level == 0 || pixels.is_empty() {
+                continue;
+            }
+            if is_merged(level, &pixels) {
+                pixels.iter().for_each(|pixel| levels[*pixel as usize] = level as u8);
+            } else {
+                let half = size / 2;
+                open.extend(
+                    [(0, 0), (half, 0), (0, half), (half, half)].map(|(x, y)| (level - 1, quadrant, i + x, j + y)),
+                );
             }
         }
         levels
     }
 
-    /// Which points are corners of pixels that are merged so.
+    /// Which points are corners of pixels that are merged so; of all pixels where `levels` is empty.
     pub fn corners_of(self, levels: &[u8]) -> Vec<bool> {
         let mut is_corner = vec![false; self.point_count()];
         for cell in self.cells() {
-            let level = levels[cell.located(self).pixel as usize];
-            for corner in cell.ancestor(self, level.into()).located(self).corners {
+            let level = levels.get(cell.located(self).pixel as usize).map_or(0, |level| u32::from(*level));
+            for corner in cell.ancestor(self, level).located(self).corners {
                 is_corner[corner as usize] = true;
             }
         }

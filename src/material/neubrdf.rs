@@ -1,0 +1,49 @@
+//! NeuBRDFs, evaluated by definition. The device's form is `glsl/lib/neubrdf.glsl`.
+
+use glam::DVec3;
+
+use super::both_above;
+use crate::scene::brdf::{CornerWeights, NeuBrdf, POLE, SphereTable};
+
+impl NeuBrdf {
+    /// f(wo, wi) in sr⁻¹, RGB, without the cosine; 0 unless both directions are above the surface.
+    pub fn eval(&self, wo: DVec3, wi: DVec3) -> DVec3 {
+        if !both_above(wo, wi) {
+            return DVec3::ZERO;
+        }
+        let [wo, wi] = if self.is_isotropic { turned(wo, wi) } else { [wo, wi] };
+        let mut x = [features(&self.wi, wi, self.corner_weights), features(&self.wo, wo, self.corner_weights)].concat();
+        for (index, layer) in self.layers.iter().enumerate() {
+            let rows = layer.weights.chunks_exact(layer.inputs as usize).zip(&layer.bias);
+            let dot = |row: &[f32]| -> f64 { row.iter().zip(&x).map(|(weight, x)| f64::from(*weight) * x).sum() };
+            let y: Vec<f64> = rows.map(|(row, bias)| dot(row) + f64::from(*bias)).collect();
+            x = if index + 1 < self.layers.len() { y.into_iter().map(|y| y.max(0.0)).collect() } else { y };
+        }
+        let [gain, scale, max] = [self.encoding.gain, self.encoding.scale, self.encoding.max].map(f64::from);
+        DVec3::from_slice(&x).map(|y| ((scale * y).exp_m1() / gain).clamp(0.0, max))
+    }
+}
+
+/// The weighted sum of the codes at the corners of the pixel of `w`.
+fn features(table: &SphereTable, w: DVec3, corner_weights: CornerWeights) -> Vec<f64> {
+    let gathered = table.gather(w, corner_weights);
+    let count = table.features as usize;
+    let mut sum = vec![0.0; count];
+    for (point, weight) in gathered.points.into_iter().zip(gathered.weights) {
+        let code = usize::from(table.indices[point as usize]) * count;
+        for (sum, feature) in sum.iter_mut().zip(&table.codes[code..code + count]) {
+            *sum += weight * f64::from(*feature);
+        }
+    }
+    sum
+}
+
+/// `wo` and `wi` turned about z, and mirrored, so that `wi` has the azimuth 0 and `wo` one in [0, π]; 0 where either is the pole.
+pub fn turned(wo: DVec3, wi: DVec3) -> [DVec3; 2] {
+    let [flat_o, flat_i] = [wo, wi].map(|w| w.truncate());
+    let [rho_o, rho_i] = [flat_o, flat_i].map(|flat| flat.length());
+    let is_pole = [flat_o, flat_i].iter().any(|flat| flat.abs().max_element() < POLE);
+    let [x, y] =
+        if is_pole { [rho_o, 0.0] } else { [flat_o.dot(flat_i), flat_o.perp_dot(flat_i).abs()].map(|x| x / rho_i) };
+    [DVec3::new(x, y, wo.z), DVec3::new(rho_i, 0.0, wi.z)]
+}

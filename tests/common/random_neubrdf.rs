@@ -1,0 +1,112 @@
+//! NeuBRDFs of any shape, made up: what they look like does not matter.
+
+use glam::DVec3;
+use neubrdf::scene::brdf::{CornerWeights, Dense, Encoding, NeuBrdf, Provenance, SphereGrid, SphereTable};
+
+/// A stream of uniform numbers.
+pub struct Stream(pub u64);
+
+impl Stream {
+    /// In [0, 1), exact in `f32`.
+    pub fn unit(&mut self) -> f64 {
+        self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (self.0 >> 40) as f64 / (1u64 << 24) as f64
+    }
+
+    pub fn below(&mut self, count: usize) -> usize {
+        (self.unit() * count as f64) as usize
+    }
+
+    /// In [−1, 1).
+    fn signed(&mut self) -> f32 {
+        (2.0 * self.unit() - 1.0) as f32
+    }
+
+    /// A direction above the surface.
+    pub fn direction(&mut self) -> DVec3 {
+        let (z, azimuth) = (self.unit(), std::f64::consts::TAU * self.unit());
+        let rho = (1.0 - z * z).sqrt();
+        DVec3::new(rho * azimuth.cos(), rho * azimuth.sin(), z)
+    }
+}
+
+/// The shape of a model.
+#[derive(Clone, Copy, Debug)]
+pub struct Shape {
+    pub is_isotropic: bool,
+    pub corner_weights: CornerWeights,
+    pub n_side: u32,
+    pub features: u32,
+    pub codes: usize,
+    /// Outputs of the layers before the last.
+    pub hidden: &'static [u32],
+    /// Merge what lies beyond the directions that isotropic materials ask for, or a random half.
+    pub is_pruned: bool,
+}
+
+impl Shape {
+    /// The paper's model.
+    pub const FULL: Shape = Shape {
+        is_isotropic: false,
+        corner_weights: CornerWeights::Bilinear,
+        n_side: 64,
+        features: 16,
+        codes: 256,
+        hidden: &[64, 64, 64],
+        is_pruned: false,
+    };
+}
+
+/// A model of a shape with random numbers, of the sizes that training leaves. All are `f16` numbers.
+pub fn random_neubrdf(shape: Shape, seed: u64) -> NeuBrdf {
+    let mut random = Stream(seed);
+    let half = |x: f32| half::f16::from_f32(x).to_f32();
+    let grid = SphereGrid::new(shape.n_side).unwrap();
+    let mut table = |is_wi: bool| {
+        // Features vary smoothly over the hemisphere, as trained ones do: codes are the values at random directions.
+        let waves: Vec<[f32; 4]> =
+            (0..shape.features).map(|_| std::array::from_fn(|_| 3.0 * random.signed())).collect();
+        let directions: Vec<DVec3> = (0..shape.codes).map(|_| random.direction()).collect();
+        let code = |w: &DVec3| -> Vec<f32> {
+            let w = w.as_vec3();
+            waves.iter().map(|[x, y, z, phase]| half((x * w.x + y * w.y + z * w.z + phase).sin())).collect()
+        };
+        let codes = directions.iter().flat_map(code).collect();
+        let nearest = |point: usize| {
+            let w = grid.point(point);
+            let distance = |k: &usize| directions[*k].distance_squared(w);
+            (0..shape.codes).min_by(|a, b| distance(a).total_cmp(&distance(b))).unwrap() as u16
+        };
+        let indices = (0..grid.point_count()).map(nearest).collect();
+        let mut table = SphereTable { grid, features: shape.features, codes, indices, levels: Vec::new() };
+        if shape.is_pruned {
+            let seen: std::collections::HashSet<u32> = (0..20_000)
+                .map(|_| random.direction())
+                .filter(|w| if shape.is_isotropic { w.y >= 0.0 } else { w.x * w.y > 0.1 })
+                .map(|w| if shape.is_isotropic && is_wi { DVec3::new(w.truncate().length(), 0.0, w.z) } else { w })
+                .map(|w| grid.locate(w).pixel)
+                .collect();
+            table.prune(|pixel| seen.contains(&pixel));
+        }
+        table
+    };
+    let (wi, wo) = (table(true), table(false));
+    let mut inputs = 2 * shape.features;
+    let mut layers = Vec::new();
+    for outputs in shape.hidden.iter().copied().chain([3]) {
+        let size = (6.0 / inputs as f32).sqrt() * if outputs == 3 { 0.5 } else { 1.0 };
+        let weights = (0..inputs * outputs).map(|_| half(size * random.signed())).collect();
+        let bias = (0..outputs).map(|_| half(0.1 * random.signed() + if outputs == 3 { 0.8 } else { 0.0 })).collect();
+        layers.push(Dense { inputs, outputs, weights, bias });
+        inputs = outputs;
+    }
+    NeuBrdf {
+        is_isotropic: shape.is_isotropic,
+        corner_weights: shape.corner_weights,
+        wi,
+        wo,
+        layers,
+        encoding: Encoding { gain: 100.0, scale: 2.0, max: 1e5 },
+        provenance: Provenance { source: "random numbers".into(), ..Provenance::default() },
+    }
+}

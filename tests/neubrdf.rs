@@ -1,0 +1,320 @@
+//! NeuBRDFs: what they evaluate to, and their files.
+
+mod common;
+
+use std::fs;
+use std::sync::LazyLock;
+
+use common::random_neubrdf::{Shape, Stream, random_neubrdf};
+use glam::DVec3;
+use neubrdf::material::turned;
+use neubrdf::scene::brdf::{CornerWeights, Flaw, NO_CODE, NeuBrdf, Precision, Provenance, SphereGrid};
+use proptest::prelude::*;
+
+/// Small, and with all that a file can have.
+const SMALL: Shape = Shape {
+    is_isotropic: true,
+    corner_weights: CornerWeights::Uniform,
+    n_side: 4,
+    features: 3,
+    codes: 5,
+    hidden: &[4, 5],
+    is_pruned: true,
+};
+
+fn shapes() -> Vec<Shape> {
+    let full = Shape::FULL;
+    vec![
+        SMALL,
+        full,
+        Shape { is_isotropic: true, is_pruned: true, ..full },
+        Shape { is_pruned: true, corner_weights: CornerWeights::Uniform, ..full },
+        Shape { n_side: 1, codes: 1, features: 1, hidden: &[], ..full },
+        Shape { n_side: 16, codes: 1700, features: 32, hidden: &[128, 128, 128], ..full },
+    ]
+}
+
+#[test]
+fn files_hold_all_of_a_model() {
+    for (seed, shape) in shapes().into_iter().enumerate() {
+        let mut brdf = random_neubrdf(shape, seed as u64);
+        brdf.validate().unwrap();
+        brdf.provenance.training.insert("recipe".into(), "„default“".into());
+        brdf.provenance.errors.insert("rmse".into(), 0.1 + 0.2);
+        for precision in [Precision::F16, Precision::F32] {
+            let bytes = brdf.encode(precision).unwrap();
+            assert!(NeuBrdf::decode(&bytes).unwrap() == brdf, "{shape:?}");
+        }
+        // Numbers that f16 does not hold are rounded to it, once.
+        brdf.layers[0].weights[0] = 0.1;
+        assert!(NeuBrdf::decode(&brdf.encode(Precision::F32).unwrap()).unwrap() == brdf);
+        let rounded = NeuBrdf::decode(&brdf.encode(Precision::F16).unwrap()).unwrap();
+        assert_eq!(rounded.layers[0].weights[0], half::f16::from_f32(0.1).to_f32());
+        assert!(NeuBrdf::decode(&rounded.encode(Precision::F16).unwrap()).unwrap() == rounded);
+    }
+}
+
+/// The sizes that docs/materials.md states.
+#[test]
+fn files_are_small() {
+    let size = |shape| random_neubrdf(shape, 1).encode(Precision::F16).unwrap().len();
+    let anisotropic = size(Shape::FULL);
+    assert!(anisotropic <= 96 << 10, "{anisotropic}");
+    let isotropic = size(Shape { n_side: 32, is_isotropic: true, is_pruned: true, ..Shape::FULL });
+    assert!(isotropic <= 48 << 10, "{isotropic}");
+    eprintln!("anisotropic, N_side 64: {anisotropic} bytes; isotropic, N_side 32: {isotropic} bytes");
+}
+
+#[test]
+fn a_file_that_is_cut_off_is_an_error() {
+    let bytes = random_neubrdf(SMALL, 1).encode(Precision::F16).unwrap();
+    for length in 0..bytes.len() {
+        NeuBrdf::decode(&bytes[..length]).unwrap_err();
+        if length > 48 && length != bytes.len() - 32 {
+            // With a checksum that fits it.
+            NeuBrdf::decode(&signed(&bytes[..length])).unwrap_err();
+        }
+    }
+    let longer = signed(&[&bytes[..bytes.len() - 32], &[0]].concat());
+    assert_eq!(NeuBrdf::decode(&longer).unwrap_err().field, "file");
+}
+
+#[test]
+fn a_file_that_was_changed_is_an_error() {
+    let bytes = random_neubrdf(SMALL, 1).encode(Precision::F16).unwrap();
+    for at in 0..bytes.len() {
+        let mut changed = bytes.clone();
+        changed[at] ^= 1 << (at % 8);
+        NeuBrdf::decode(&changed).unwrap_err();
+    }
+}
+
+/// Bytes with their checksum behind them.
+fn signed(content: &[u8]) -> Vec<u8> {
+    [content, blake3::hash(content).as_bytes()].concat()
+}
+
+/// A file with another header.
+fn with_header(brdf: &NeuBrdf, change: impl FnOnce(&mut serde_json::Value)) -> Vec<u8> {
+    let bytes = brdf.encode(Precision::F16).unwrap();
+    let length = u32::from_le_bytes(bytes[12..16].try_into().unwrap()) as usize;
+    let mut header = serde_json::from_slice(&bytes[16..16 + length]).unwrap();
+    change(&mut header);
+    let header = serde_json::to_vec(&header).unwrap();
+    let length = (header.len() as u32).to_le_bytes();
+    let payload = &bytes[16 + u32::from_le_bytes(bytes[12..16].try_into().unwrap()) as usize..bytes.len() - 32];
+    signed(&[&bytes[..12], &length, &header, payload].concat())
+}
+
+#[test]
+fn hostile_headers_are_errors() {
+    let brdf = random_neubrdf(SMALL, 1);
+    assert!(NeuBrdf::decode(&with_header(&brdf, |_| ())).unwrap() == brdf);
+    let huge = [0u64, 1, 2, 6, 255, 256, 65_534, 65_535, u64::from(u32::MAX)];
+    let numbers = [
+        "/features",
+        "/wi/n_side",
+        "/wi/codes",
+        "/wi/index_bits",
+        "/wo/n_side",
+        "/wo/codes",
+        "/widths/0",
+        "/widths/1",
+        "/widths/3",
+    ];
+    for pointer in numbers {
+        for value in huge.map(serde_json::Value::from).into_iter().chain([(-1).into(), 4.5.into(), "4".into()]) {
+            let original = with_header(&brdf, |_| ());
+            let file = with_header(&brdf, |header| *header.pointer_mut(pointer).unwrap() = value.clone());
+            assert!(file == original || NeuBrdf::decode(&file).is_err(), "{pointer} = {value}");
+        }
+    }
+    for (pointer, values) in [
+        ("/encoding/gain", vec![0.0, -1.0, 1e39, 1e38]),
+        ("/encoding/scale", vec![0.0, -1.0, 1e39, 1e7]),
+        ("/encoding/max", vec![0.0, -1.0, 1e39]),
+    ] {
+        for value in values {
+            let file = with_header(&brdf, |header| *header.pointer_mut(pointer).unwrap() = value.into());
+            assert!(NeuBrdf::decode(&file).is_err(), "{pointer} = {value}");
+        }
+    }
+    let more = with_header(&brdf, |header| header["surprise"] = 1.into());
+    assert_eq!(NeuBrdf::decode(&more).unwrap_err().field, "header");
+}
+
+#[test]
+fn models_that_cannot_be_are_refused() {
+    type Change = fn(&mut NeuBrdf);
+    let changes: [(&str, Change); 14] = [
+        ("wi.codes", |brdf| brdf.wi.codes[0] = f32::NAN),
+        ("wi.codes", |brdf| brdf.wi.codes.clear()),
+        ("wo.codes", |brdf| brdf.wo.codes.truncate(14)),
+        ("wo.indices", |brdf| brdf.wo.indices[0] = 5),
+        ("wo.indices", |brdf| brdf.wo.indices[0] = NO_CODE),
+        ("wi.indices", |brdf| brdf.wi.indices.truncate(7)),
+        ("wi.levels", |brdf| brdf.wi.levels[0] += 1),
+        ("wi.features", |brdf| brdf.wi.features = 0),
+        ("layers[0]", |brdf| brdf.layers[0].inputs += 1),
+        ("layers[1]", |brdf| brdf.layers[1].bias[0] = f32::INFINITY),
+        ("layers[1]", |brdf| brdf.layers.iter_mut().for_each(|layer| layer.weights[0] = 1e20)),
+        ("layers", |brdf| brdf.layers.truncate(2)),
+        ("layers", |brdf| brdf.layers.clear()),
+        ("provenance.errors", |brdf| brdf.provenance.errors = [("x".to_string(), f64::NAN)].into()),
+    ];
+    for (field, change) in changes {
+        let mut brdf = random_neubrdf(SMALL, 1);
+        change(&mut brdf);
+        let Flaw { field: found, .. } = brdf.validate().unwrap_err();
+        assert_eq!(found, field);
+        assert!(brdf.encode(Precision::F32).is_err());
+    }
+    let mut brdf = random_neubrdf(SMALL, 1);
+    brdf.wi.codes[0] = 1e5;
+    assert_eq!(brdf.encode(Precision::F16).unwrap_err().field, "wi.codes");
+}
+
+#[test]
+fn errors_name_the_file() {
+    let directory = tempfile::tempdir().unwrap();
+    let path = directory.path().join("x.neubrdf");
+    fs::write(&path, b"NEUBRDF").unwrap();
+    let message = NeuBrdf::load(&path).unwrap_err().to_string();
+    assert!(message.contains("x.neubrdf: file: found 7 bytes"), "{message}");
+    let brdf = random_neubrdf(SMALL, 1);
+    fs::write(&path, brdf.encode(Precision::F32).unwrap()).unwrap();
+    assert!(NeuBrdf::load(&path).unwrap() == brdf);
+}
+
+static FILES: LazyLock<[Vec<u8>; 4]> =
+    LazyLock::new(|| [0, 1, 2, 3].map(|seed| random_neubrdf(SMALL, seed).encode(Precision::F16).unwrap()));
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 2000, ..ProptestConfig::default() })]
+
+    /// Whatever a file says, with a checksum that fits, it is an error or a model that can be evaluated everywhere.
+    #[test]
+    fn any_file_is_an_error_or_a_valid_model(
+        changes in prop::collection::vec((any::<prop::sample::Index>(), any::<u8>()), 1..6),
+        seed in 0u64..4,
+    ) {
+        let bytes = &FILES[seed as usize];
+        let mut content = bytes[..bytes.len() - 32].to_vec();
+        for (at, value) in changes {
+            let at = at.index(content.len());
+            content[at] = value;
+        }
+        if let Ok(brdf) = NeuBrdf::decode(&signed(&content)) {
+            brdf.validate().unwrap();
+            let mut random = Stream(seed);
+            for _ in 0..20 {
+                let value = brdf.eval(random.direction(), random.direction());
+                prop_assert!(value.is_finite() && value.min_element() >= 0.0);
+            }
+        }
+    }
+}
+
+/// The network by hand: a feature a hemisphere, one layer.
+#[test]
+fn values_are_those_of_the_formula() {
+    let shape = Shape { n_side: 1, codes: 1, features: 1, hidden: &[], is_isotropic: false, is_pruned: false, ..SMALL };
+    let mut brdf = random_neubrdf(shape, 1);
+    (brdf.wi.codes, brdf.wo.codes) = (vec![2.0], vec![3.0]);
+    brdf.layers[0].weights = vec![1.0, 0.0, 0.0, 1.0, -1.0, 1.0];
+    brdf.layers[0].bias = vec![0.5, 0.5, -2.0];
+    let value = brdf.eval(DVec3::Z, DVec3::Z);
+    let expected = [2.5f64, 3.5, -1.0].map(|y| (((2.0 * y).exp() - 1.0) / 100.0).max(0.0));
+    assert!((value - DVec3::from(expected)).length() < 1e-14, "{value}");
+    brdf.encoding.max = 2.0;
+    assert_eq!(brdf.eval(DVec3::Z, DVec3::Z).y, 2.0);
+    assert_eq!(brdf.eval(DVec3::Z, -DVec3::Z), DVec3::ZERO);
+    assert_eq!(brdf.eval(DVec3::X, DVec3::Z), DVec3::ZERO);
+}
+
+/// Isotropic materials do not change when both directions are turned, or mirrored; the others do.
+#[test]
+fn isotropic_materials_look_the_same_from_all_sides() {
+    let mut random = Stream(1);
+    for is_isotropic in [true, false] {
+        let brdf = random_neubrdf(Shape { is_isotropic, n_side: 16, ..Shape::FULL }, 3);
+        let mut differences = 0;
+        for _ in 0..200 {
+            let (wo, wi) = (random.direction(), random.direction());
+            let (sin, cos) = (6.0 * random.unit()).sin_cos();
+            let turn = |w: DVec3| DVec3::new(cos * w.x - sin * w.y, sin * w.x + cos * w.y, w.z);
+            let mirror = |w: DVec3| DVec3::new(w.x, -w.y, w.z);
+            let value = brdf.eval(wo, wi);
+            let close = |other: DVec3| (other - value).length() <= 1e-9 * value.length();
+            differences +=
+                usize::from(!close(brdf.eval(turn(wo), turn(wi))) || !close(brdf.eval(mirror(wo), mirror(wi))));
+        }
+        assert!(if is_isotropic { differences == 0 } else { differences > 150 }, "{differences}");
+    }
+}
+
+#[test]
+fn turning_keeps_the_angles() {
+    let mut random = Stream(1);
+    for _ in 0..1000 {
+        let (wo, wi) = (random.direction(), random.direction());
+        let [o, i] = turned(wo, wi);
+        assert!((o.dot(i) - wo.dot(wi)).abs() < 1e-12 && (o.length() - 1.0).abs() < 1e-12);
+        assert!(o.y >= 0.0 && i.y == 0.0 && i.x >= 0.0 && o.z == wo.z && i.z == wi.z);
+    }
+    assert_eq!(turned(DVec3::new(-0.6, 0.0, 0.8), DVec3::Z), [DVec3::new(0.6, 0.0, 0.8), DVec3::Z]);
+}
+
+/// Continuous features make a continuous material; quarters do not.
+#[test]
+fn bilinear_weights_are_continuous() {
+    for (corner_weights, is_continuous) in [(CornerWeights::Bilinear, true), (CornerWeights::Uniform, false)] {
+        let brdf = random_neubrdf(Shape { n_side: 16, corner_weights, ..Shape::FULL }, 3);
+        let mut random = Stream(5);
+        let mut worst = 0.0f64;
+        for _ in 0..300 {
+            let (wi, from, to) = (random.direction(), random.direction(), random.direction());
+            let value = |t: f64| (100.0 * brdf.eval((from + t * to).normalize(), wi) + 1.0).map(f64::ln);
+            // Halves an arc again and again and keeps the half in which more happens: it ends at a step if there is one.
+            let (mut low, mut high) = (0.0, 0.1);
+            let mut change = f64::INFINITY;
+            while high - low > 1e-10 {
+                let middle = 0.5 * (low + high);
+                let halves = [(low, middle), (middle, high)].map(|(a, b)| (value(a).distance(value(b)), a, b));
+                (change, low, high) = if halves[0].0 > halves[1].0 { halves[0] } else { halves[1] };
+            }
+            worst = worst.max(change);
+        }
+        assert_eq!(worst < 1e-5, is_continuous, "{corner_weights:?}: {worst:e}");
+    }
+}
+
+/// Pruning changes nothing where there was data, keeps few points of an isotropic ωi, and leaves a model everywhere.
+#[test]
+fn pruning_keeps_what_was_trained() {
+    let shape = Shape { is_isotropic: true, n_side: 32, ..Shape::FULL };
+    let whole = random_neubrdf(shape, 9);
+    let grid = SphereGrid::new(32).unwrap();
+    let mut random = Stream(11);
+    let pairs: Vec<[DVec3; 2]> = (0..20_000).map(|_| turned(random.direction(), random.direction())).collect();
+    let mut pruned = whole.clone();
+    let mut has_data = [vec![false; grid.pixel_count()], vec![false; grid.pixel_count()]];
+    for [wo, wi] in &pairs {
+        has_data[0][grid.locate(*wo).pixel as usize] = true;
+        has_data[1][grid.locate(*wi).pixel as usize] = true;
+    }
+    pruned.wo.prune(|pixel| has_data[0][pixel as usize]);
+    pruned.wi.prune(|pixel| has_data[1][pixel as usize]);
+    pruned.validate().unwrap();
+    for [wo, wi] in &pairs {
+        assert_eq!(pruned.eval(*wo, *wi), whole.eval(*wo, *wi));
+    }
+    let kept = |indices: &[u16]| indices.iter().filter(|index| **index != NO_CODE).count();
+    assert!(kept(&pruned.wi.indices) < 9 * 32, "{}", kept(&pruned.wi.indices));
+    assert!(kept(&pruned.wo.indices) < grid.point_count() * 55 / 100, "{}", kept(&pruned.wo.indices));
+    // Without any data there is nothing to keep, and nothing changes.
+    let mut unseen = whole.clone();
+    unseen.wi.prune(|_| false);
+    assert!(unseen == whole);
+    assert_eq!(whole.provenance, Provenance { source: "random numbers".into(), ..Provenance::default() });
+}
