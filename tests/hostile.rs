@@ -7,7 +7,7 @@ use std::cell::Cell;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use neubrdf::scene::{Color, Fresnel, LightTable, Scene, Surface};
+use neubrdf::scene::{Color, Fresnel, LayerBase, Layered, LightTable, Scene, Surface, Woven};
 use proptest::prelude::*;
 
 /// Counts the bytes that this thread holds, and the most it ever held.
@@ -165,6 +165,23 @@ fn assert_valid(scene: &Scene) {
             Surface::Coated { albedo, ior, alpha } => {
                 color(albedo);
                 assert!((1.0..=10.0).contains(ior) && (0.0..=1.0).contains(alpha));
+            }
+            Surface::Measured { brdf } => assert!((*brdf as usize) < scene.brdfs.len()),
+            Surface::Layered(layers) => {
+                let alpha = Layered::LEAST_ALPHA..=1.0;
+                assert!((1.01..=2.5).contains(&layers.ior) && alpha.contains(&layers.alpha));
+                assert!(layers.absorption.min_element() >= 0.0 && layers.absorption.is_finite());
+                if let LayerBase::Conductor { alpha: base, .. } = layers.base {
+                    assert!(alpha.contains(&base.x) && alpha.contains(&base.y));
+                }
+            }
+            Surface::Woven(Woven { warp, weft }) => {
+                assert!(warp.coverage + weft.coverage <= 1.0);
+                for yarn in [warp, weft] {
+                    assert!((0.02..=1.0).contains(&yarn.specular_width) && (0.02..=1.0).contains(&yarn.volume_width));
+                    assert!((0.0..=1.0).contains(&yarn.gloss) && (0.0..=1.0).contains(&yarn.isotropy));
+                    assert!(yarn.f0.max_element() <= 1.0 && yarn.albedo.max_element() <= 1.0);
+                }
             }
         }
     }

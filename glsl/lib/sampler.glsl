@@ -2,9 +2,11 @@
 //
 // SAMPLER 0: Owen-scrambled (0,2)-sequences, padded: each pair of dimensions shuffles the sample index and scrambles both
 // coordinates by hashing (Burley, "Practical Hash-based Owen Scrambling", JCGT 9(4), 2020; the hash is Vegdahl's).
-// SAMPLER 1: independent numbers from pcg3d (Jarzynski & Olano, "Hash Functions for GPU Rendering", JCGT 9(3), 2020).
+// SAMPLER 1: independent numbers from pcg3d.
 #ifndef LIB_SAMPLER
 #define LIB_SAMPLER
+
+#include "lib/pcg.glsl"
 
 layout(constant_id = 1) const uint SAMPLER = 0u;
 
@@ -23,18 +25,6 @@ struct SampleKey {
     uint pixel;
     uint index;
 };
-
-uvec3 pcg3d(uvec3 v) {
-    v = v * 1664525u + 1013904223u;
-    v.x += v.y * v.z;
-    v.y += v.z * v.x;
-    v.z += v.x * v.y;
-    v ^= v >> 16u;
-    v.x += v.y * v.z;
-    v.y += v.z * v.x;
-    v.z += v.x * v.y;
-    return v;
-}
 
 SampleKey sample_key(uvec2 pixel, uint index, uint seed) {
     return SampleKey(pcg3d(uvec3(pixel, seed)).x, index);

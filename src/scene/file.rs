@@ -1,20 +1,19 @@
 //! Scene files: TOML beside OBJ, as docs/scenes.md describes it, or a bare OBJ file.
 
 use std::collections::HashMap;
-use std::io::Read;
 use std::path::{Path, PathBuf};
 
 use glam::{Affine3A, EulerRot, Mat3, Quat, Vec2, Vec3};
 
-use super::error::{Error, Place, Warning, nearest, open};
+use super::error::{Error, Place, Warning, nearest, read_bytes};
 use super::light::BRIGHTEST;
 use super::mesh::{self, LARGEST_COORDINATE};
 use super::mtl::Library;
 use super::obj::{self, Normals, beside};
 use super::table::{Source, Table, Value};
 use super::{
-    Bounds, Camera, Color, Environment, Film, Fresnel, Instance, Lens, Material, Mesh, Scene, Sun, Surface, decode,
-    metals,
+    Bounds, Camera, Color, Environment, Film, Fresnel, Instance, LayerBase, Layered, Lens, Material, Mesh, Scene, Sun,
+    Surface, Woven, decode, metals,
 };
 
 /// Size of the picture unless the scene file says otherwise.
@@ -74,16 +73,7 @@ fn load_scene_file(path: &Path) -> Result<(Scene, Vec<Warning>), Error> {
 }
 
 fn read_text(path: &Path) -> Result<String, Error> {
-    let mut bytes = Vec::new();
-    open(path, None)?
-        .take(LONGEST_FILE + 1)
-        .read_to_end(&mut bytes)
-        .map_err(|source| Error::read(path, None, source))?;
-    if bytes.len() as u64 > LONGEST_FILE {
-        let found = format!("more than {} MiB", LONGEST_FILE >> 20);
-        return Err(Error::unexpected(Place::file(path), found, "a scene file; geometry goes into OBJ files"));
-    }
-    String::from_utf8(bytes).map_err(|error| {
+    String::from_utf8(read_bytes(path, None, LONGEST_FILE)?).map_err(|error| {
         let line =
             error.as_bytes()[..error.utf8_error().valid_up_to()].iter().filter(|byte| **byte == b'\n').count() + 1;
         Error::unexpected(Place::line(path, line), "bytes that are not UTF-8", "TOML text")
@@ -121,7 +111,7 @@ impl Loader {
         environment: Option<Environment>,
         sun: Option<Sun>,
     ) -> Result<(Scene, Vec<Warning>), Error> {
-        let Library { materials, textures, mut warnings, undefined, .. } = self.library;
+        let Library { materials, textures, brdfs, mut warnings, undefined, .. } = self.library;
         warnings.extend(undefined.into_iter().map(|(index, file)| Warning {
             place: Place::file(file),
             message: format!("the material `{}` is not defined: grey and diffuse", materials[index as usize].name),
@@ -133,8 +123,17 @@ impl Loader {
             return Err(Error::unexpected(Place::file(path), found, expected));
         }
         let camera = camera.unwrap_or_else(|| framing(&bounds, film));
-        let mut scene =
-            Scene { camera, film, meshes: self.meshes, instances, materials, textures: Vec::new(), environment, sun };
+        let mut scene = Scene {
+            camera,
+            film,
+            meshes: self.meshes,
+            instances,
+            materials,
+            textures: Vec::new(),
+            brdfs: brdfs.into_iter().map(|(_, brdf)| brdf).collect(),
+            environment,
+            sun,
+        };
         decode_textures(&mut scene, &textures, &mut warnings)?;
         warn_of_missing_coordinates(&scene, &mut warnings);
         let shines = |radiance: &Vec3| *radiance != Vec3::ZERO;
@@ -284,7 +283,8 @@ fn transform(table: &Table) -> Result<Affine3A, Error> {
     }
 }
 
-const MATERIAL_TYPES: &str = "\"diffuse\", \"conductor\", \"mirror\", \"dielectric\" or \"coated\"";
+const MATERIAL_TYPES: &str =
+    "\"diffuse\", \"conductor\", \"mirror\", \"dielectric\", \"coated\", \"measured\", \"layered\" or \"woven\"";
 
 /// Changes the materials of a name as a table of the scene file says.
 fn override_material(name: &str, value: &Value, file: &Path, library: &mut Library) -> Result<(), Error> {
@@ -323,6 +323,9 @@ fn surface(table: &Table, before: &Surface, file: &Path, library: &mut Library) 
         Surface::Conductor { .. } => "conductor",
         Surface::Dielectric { .. } => "dielectric",
         Surface::Coated { .. } => "coated",
+        Surface::Measured { .. } => "measured",
+        Surface::Layered(_) => "layered",
+        Surface::Woven(_) => "woven",
     };
     let kind = table.get("type").map_or(Ok(unchanged), |value| value.string())?;
     let smooth_or = |alpha: Option<f32>| alpha.unwrap_or(0.0);
@@ -370,8 +373,50 @@ fn surface(table: &Table, before: &Surface, file: &Path, library: &mut Library) 
             let albedo = color(table, "albedo", albedo_before, file, library)?;
             Ok(Surface::Coated { albedo, ior: ior(table, ior_before, 1.0)?, alpha })
         }
+        "measured" => {
+            allow(&["file", "name"])?;
+            let path = table.require("file")?;
+            let name = table.get("name").map(|name| name.string()).transpose()?;
+            Ok(Surface::Measured { brdf: library.brdf(beside(file, path.string()?), name, &path.place())? })
+        }
+        "layered" => {
+            allow(&["ior", "roughness", "alpha", "absorption", "base"])?;
+            Ok(Surface::Layered(layered(table, file, library)?))
+        }
+        "woven" => {
+            allow(&["warp", "weft"])?;
+            Ok(Surface::Woven(Woven::read(table)?))
+        }
         _ => Err(table.require("type")?.error(MATERIAL_TYPES)),
     }
+}
+
+/// The layers of a table.
+fn layered(table: &Table, file: &Path, library: &mut Library) -> Result<Layered, Error> {
+    let base_table = table.require("base")?.table()?;
+    base_table.allow(&["type", "albedo", "metal", "f0", "eta", "k", "roughness", "alpha"])?;
+    let rough_enough = |table: &Table, alpha: f32| {
+        let expected = format!("at least {}", Layered::LEAST_ALPHA);
+        if alpha >= Layered::LEAST_ALPHA { Ok(()) } else { Err(table.error(format!("an α of {alpha}"), expected)) }
+    };
+    let grey = Surface::Diffuse { albedo: Color::constant(Vec3::splat(0.5)) };
+    let base = match surface(&base_table, &grey, file, library)? {
+        Surface::Diffuse { albedo } => LayerBase::Diffuse { albedo: albedo.value },
+        Surface::Conductor { fresnel, alpha } => {
+            rough_enough(&base_table, alpha.min_element())?;
+            LayerBase::Conductor { fresnel, alpha }
+        }
+        _ => return Err(base_table.require("type")?.error("\"diffuse\" or \"conductor\"")),
+    };
+    let alpha = isotropic_alpha(table)?.unwrap_or(0.1);
+    rough_enough(table, alpha)?;
+    let [least, most] = Layered::IOR;
+    Ok(Layered {
+        ior: table.get("ior").map_or(Ok(1.5), |value| value.number(least, most))?,
+        alpha,
+        absorption: table.get("absorption").map_or(Ok(Vec3::ZERO), |value| value.color(0.0, 100.0))?,
+        base,
+    })
 }
 
 /// A colour and the texture that multiplies it. A texture without a colour is multiplied by 1.

@@ -4,20 +4,26 @@ use blake3::Hasher;
 use bytemuck::{NoUninit, cast_slice};
 use glam::{Affine3A, Vec3};
 
-use super::{Camera, Color, Environment, Film, Fresnel, Instance, Lens, Material, Mesh, Scene, Sun, Surface, Texture};
+use super::{
+    Camera, Color, Environment, Film, Fresnel, Instance, LayerBase, Layered, Lens, Material, Mesh, Scene, Sun, Surface,
+    Texture, Woven, Yarn,
+};
 
 impl Scene {
     /// BLAKE3 over the scene's content, in hexadecimal. Names and file paths do not enter.
     pub fn hash(&self) -> String {
         let mut hasher = Hasher::new();
-        let Scene { camera, film, meshes, instances, materials, textures, environment, sun } = self;
+        let Scene { camera, film, meshes, instances, materials, textures, brdfs, environment, sun } = self;
         let Camera { eye, target, up, vertical_fov_degrees, lens } = camera;
         let Film { width, height } = film;
         put(&mut hasher, &[*eye, *target, *up]);
         put(&mut hasher, &[*vertical_fov_degrees]);
         put(&mut hasher, &lens.map_or(vec![], |Lens { radius, focus_distance }| vec![radius, focus_distance]));
         put(&mut hasher, &[*width, *height]);
-        put(&mut hasher, &[meshes.len(), instances.len(), materials.len(), textures.len()].map(|count| count as u64));
+        put(
+            &mut hasher,
+            &[meshes.len(), instances.len(), materials.len(), textures.len(), brdfs.len()].map(|count| count as u64),
+        );
         for Mesh { name: _, positions, normals, uvs, triangles, materials } in meshes {
             put(&mut hasher, positions);
             put(&mut hasher, normals);
@@ -39,6 +45,7 @@ impl Scene {
             put(&mut hasher, &[*width, *height]);
             put(&mut hasher, texels);
         }
+        brdfs.iter().for_each(|brdf| brdf.put(&mut hasher));
         if let Some(Environment { width, height, texels, rotation_degrees }) = environment {
             put(&mut hasher, b"environment");
             put(&mut hasher, &[*width, *height]);
@@ -61,10 +68,7 @@ fn put_surface(hasher: &mut Hasher, surface: &Surface) {
         }
         Surface::Conductor { fresnel, alpha } => {
             put(hasher, b"conductor");
-            match fresnel {
-                Fresnel::Schlick { f0 } => put_color(hasher, f0),
-                Fresnel::Complex { eta, kappa } => put(hasher, &[*eta, *kappa]),
-            }
+            put_fresnel(hasher, fresnel);
             put(hasher, &[*alpha]);
         }
         Surface::Dielectric { ior, alpha } => {
@@ -76,6 +80,36 @@ fn put_surface(hasher: &mut Hasher, surface: &Surface) {
             put_color(hasher, albedo);
             put(hasher, &[*ior, *alpha]);
         }
+        Surface::Measured { brdf } => {
+            put(hasher, b"measured");
+            put(hasher, &[*brdf]);
+        }
+        Surface::Layered(Layered { ior, alpha, absorption, base }) => {
+            put(hasher, b"layered");
+            put(hasher, &[*ior, *alpha]);
+            put(hasher, &[*absorption]);
+            match base {
+                LayerBase::Diffuse { albedo } => put(hasher, &[*albedo]),
+                LayerBase::Conductor { fresnel, alpha } => {
+                    put_fresnel(hasher, fresnel);
+                    put(hasher, &[*alpha]);
+                }
+            }
+        }
+        Surface::Woven(Woven { warp, weft }) => {
+            put(hasher, b"woven");
+            for Yarn { coverage, gloss, f0, albedo, specular_width, volume_width, isotropy } in [warp, weft] {
+                put(hasher, &[*coverage, *gloss, *specular_width, *volume_width, *isotropy]);
+                put(hasher, &[*f0, *albedo]);
+            }
+        }
+    }
+}
+
+fn put_fresnel(hasher: &mut Hasher, fresnel: &Fresnel) {
+    match fresnel {
+        Fresnel::Schlick { f0 } => put_color(hasher, f0),
+        Fresnel::Complex { eta, kappa } => put(hasher, &[*eta, *kappa]),
     }
 }
 
@@ -85,7 +119,7 @@ fn put_color(hasher: &mut Hasher, Color { value, texture }: &Color) {
 }
 
 /// Adds a sequence, preceded by its length so that no two scenes make the same bytes.
-fn put<T: NoUninit>(hasher: &mut Hasher, items: &[T]) {
+pub(super) fn put<T: NoUninit>(hasher: &mut Hasher, items: &[T]) {
     hasher.update(&(items.len() as u64).to_le_bytes());
     hasher.update(cast_slice(items));
 }

@@ -2,6 +2,8 @@
 
 use glam::{Vec2, Vec3};
 
+use super::{Layered, Woven};
+
 /// A named material.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Material {
@@ -56,6 +58,15 @@ pub enum Surface {
         /// GGX α of the coat, in [0, 1].
         alpha: f32,
     },
+    /// A BRDF that a file gives.
+    Measured {
+        /// Index into [`super::Scene::brdfs`].
+        brdf: u32,
+    },
+    /// A rough coat that absorbs, over a metal or a diffuse base, as light wanders between them.
+    Layered(Layered),
+    /// Cloth.
+    Woven(Woven),
 }
 
 /// The reflectance of a metal against the angle.
@@ -81,7 +92,11 @@ impl Surface {
         match self {
             Surface::Diffuse { albedo } | Surface::Coated { albedo, .. } => Some(albedo),
             Surface::Conductor { fresnel: Fresnel::Schlick { f0 }, .. } => Some(f0),
-            Surface::Conductor { fresnel: Fresnel::Complex { .. }, .. } | Surface::Dielectric { .. } => None,
+            Surface::Conductor { fresnel: Fresnel::Complex { .. }, .. }
+            | Surface::Dielectric { .. }
+            | Surface::Measured { .. }
+            | Surface::Layered(_)
+            | Surface::Woven(_) => None,
         }
     }
 
@@ -90,7 +105,11 @@ impl Surface {
         match self {
             Surface::Diffuse { albedo } | Surface::Coated { albedo, .. } => albedo.texture,
             Surface::Conductor { fresnel: Fresnel::Schlick { f0 }, .. } => f0.texture,
-            Surface::Conductor { fresnel: Fresnel::Complex { .. }, .. } | Surface::Dielectric { .. } => None,
+            Surface::Conductor { fresnel: Fresnel::Complex { .. }, .. }
+            | Surface::Dielectric { .. }
+            | Surface::Measured { .. }
+            | Surface::Layered(_)
+            | Surface::Woven(_) => None,
         }
     }
 }

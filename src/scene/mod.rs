@@ -12,6 +12,7 @@ mod decode;
 mod error;
 mod file;
 mod hash;
+mod layered;
 mod light;
 mod material;
 mod mesh;
@@ -23,13 +24,19 @@ mod polygon;
 mod statements;
 mod table;
 mod texture;
+mod woven;
 
+pub use brdf::{Brdf, Merl, Nbrdf, Rgl, RglTable, RglTables, RglWarp, SamplingLobe, Sparse, SparseSample};
 pub use camera::{Camera, Film, Lens};
 pub use error::{Error, Place, Warning};
+pub use layered::{LayerBase, Layered};
 pub use light::{Environment, Light, LightTable, Sun, luminance};
 pub use material::{Color, Fresnel, Material, Surface};
 pub use mesh::{Bounds, Instance, Mesh};
 pub use texture::Texture;
+pub use woven::{Woven, Yarn};
+
+use std::sync::Arc;
 
 /// Everything that a renderer needs to know about a scene.
 #[derive(Clone, Debug, PartialEq)]
@@ -46,6 +53,8 @@ pub struct Scene {
     pub materials: Vec<Material>,
     /// What [`Color::texture`] indexes.
     pub textures: Vec<Texture>,
+    /// What [`Surface::Measured`] indexes.
+    pub brdfs: Vec<Arc<Brdf>>,
     /// Light from infinitely far away, all around.
     pub environment: Option<Environment>,
     /// Light from infinitely far away, from one direction.

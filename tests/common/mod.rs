@@ -4,6 +4,7 @@
 pub mod bsdf_structs;
 pub mod gpu_structs;
 pub mod random_neubrdf;
+pub mod tables;
 
 use std::sync::Arc;
 
@@ -168,6 +169,7 @@ pub fn scene(meshes: Vec<Mesh>, materials: Vec<Material>, eye: Vec3, target: Vec
         instances,
         materials,
         textures: Vec::new(),
+        brdfs: Vec::new(),
         environment: None,
         sun: None,
     }

@@ -1,11 +1,112 @@
-//! BRDFs that a file gives and no closed form does: plain validated data.
+//! BRDFs that a file gives and no closed form does: plain data, validated when it is loaded. What they mean is `crate::material`.
 
+mod merl;
+mod nbrdf;
 mod neubrdf;
 mod neubrdf_check;
 mod neubrdf_file;
+mod npy;
+mod rgl;
+mod safetensors;
+mod sampling_lobe;
+mod sparse;
 mod sphere_grid;
+mod tensor_file;
 
+use std::path::Path;
+
+use super::error::{Error, Place, quote};
+use super::hash::put;
+
+pub use merl::Merl;
+pub use nbrdf::Nbrdf;
 pub use neubrdf::{CornerWeights, Dense, Encoding, Gathered, NO_CODE, NeuBrdf, Provenance, SphereTable};
 pub use neubrdf_check::Flaw;
 pub use neubrdf_file::Precision;
+pub use rgl::{Rgl, RglTable, RglTables, RglWarp};
+pub use sampling_lobe::SamplingLobe;
+pub use sparse::{Sparse, SparseSample};
 pub use sphere_grid::{Located, POLE, SphereGrid};
+
+/// A BRDF that a file gives.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Brdf {
+    /// A small network (Sztrajman et al. 2021).
+    Nbrdf(Nbrdf),
+    /// A table by half and difference angle (Matusik et al. 2003).
+    Merl(Merl),
+    /// Tables over adapted coordinates (Dupuy and Jakob 2018).
+    Rgl(Rgl),
+    /// Samples, few and anywhere.
+    Sparse(Sparse),
+}
+
+/// The endings of file names that [`Brdf::load`] knows, for messages.
+const ENDINGS: &str = "a name that ends in .safetensors, .npy, .binary, .bsdf or .csv";
+
+impl Brdf {
+    /// Reads a file of the kind that its name's ending tells: `.safetensors` or `.npy` (see [`Nbrdf`]),
+    /// `.binary` ([`Merl`]), `.bsdf` ([`Rgl`]) or `.csv` ([`Sparse`]). `name` picks one material of a file that holds several.
+    ///
+    /// # Errors
+    /// The file cannot be read, its ending says nothing, or it is not what the ending says: with the file, the part of it, what
+    /// was found and what was expected.
+    pub fn load(path: impl AsRef<Path>, name: Option<&str>) -> Result<Brdf, Error> {
+        Brdf::load_for(path.as_ref(), name, None)
+    }
+
+    /// The same, on behalf of a key of a scene file.
+    pub(super) fn load_for(path: &Path, name: Option<&str>, needed_by: Option<&Place>) -> Result<Brdf, Error> {
+        let ending = path.extension().map(|ending| ending.to_string_lossy().to_lowercase()).unwrap_or_default();
+        let only = |brdf: Brdf| match name {
+            Some(name) => {
+                let found = format!("the name {}", quote(name));
+                Err(Error::unexpected(Place::file(path), found, "no name: this kind of file holds one material"))
+            }
+            None => Ok(brdf),
+        };
+        match ending.as_str() {
+            "safetensors" => Nbrdf::from_safetensors(path, name, needed_by).map(Brdf::Nbrdf),
+            "npy" => only(Brdf::Nbrdf(Nbrdf::from_npy(path, needed_by)?)),
+            "binary" => only(Brdf::Merl(Merl::read(path, needed_by)?)),
+            "bsdf" => only(Brdf::Rgl(Rgl::read(path, needed_by)?)),
+            "csv" => only(Brdf::Sparse(Sparse::read(path, needed_by)?)),
+            _ => Err(Error::unexpected(Place::file(path), "a BRDF of an unknown kind", ENDINGS)),
+        }
+    }
+
+    /// Adds all that its values depend on to a fingerprint.
+    pub(super) fn put(&self, hasher: &mut blake3::Hasher) {
+        match self {
+            Brdf::Nbrdf(nbrdf) => {
+                put(hasher, b"nbrdf");
+                nbrdf.parts().for_each(|part| put(hasher, part));
+            }
+            Brdf::Merl(merl) => {
+                put(hasher, b"merl");
+                put(hasher, merl.values());
+            }
+            Brdf::Rgl(rgl) => {
+                put(hasher, b"rgl");
+                rgl.put(hasher);
+            }
+            Brdf::Sparse(sparse) => {
+                put(hasher, b"sparse");
+                sparse.put(hasher);
+            }
+        }
+    }
+}
+
+/// Little-endian `f32` numbers, all finite.
+fn finite_floats(bytes: &[u8], place: &Place) -> Result<Vec<f32>, Error> {
+    let (chunks, _) = bytes.as_chunks();
+    let numbers: Vec<f32> = chunks.iter().map(|chunk| f32::from_le_bytes(*chunk)).collect();
+    match numbers.iter().position(|number| !number.is_finite()) {
+        None => Ok(numbers),
+        Some(index) => {
+            let found = format!("{} as number {index} of {}", numbers[index], numbers.len());
+            Err(Error::unexpected(place.clone(), found, "finite numbers"))
+        }
+    }
+}

@@ -1,0 +1,119 @@
+//! MERL tables: isotropic BRDFs by half and difference angle. Matusik et al., *A Data-Driven Reflectance Model*,
+//! SIGGRAPH 2003; the angles are Rusinkiewicz's, *A New Change of Variables for Efficient BRDF Representation*, 1998.
+//!
+//! A `.binary` file is three little-endian `i32`, 90, 90 and 180, then as many `f64` for red, for green and for blue.
+//! A number times its channel's [scale](SCALES) is the BRDF in sr⁻¹ in the middle of a cell; the last index, φd, runs
+//! fastest. A negative number says that the cell was not measured.
+
+use std::f64::consts::{FRAC_PI_2, PI};
+use std::fs::File;
+use std::io::{self, BufReader, BufWriter, Read, Write};
+use std::path::Path;
+
+use glam::Vec3;
+
+use crate::scene::error::{Error, Place, open};
+
+/// What the numbers of a file are multiplied by, a channel.
+const SCALES: [f64; 3] = [1.0 / 1500.0, 1.15 / 1500.0, 1.66 / 1500.0];
+
+/// Brighter than any measurement (the brightest of the 100 published tables is below 10⁵), so that sums of values stay finite.
+const BRIGHTEST: f64 = 1e8;
+
+/// An isotropic BRDF by table.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Merl {
+    /// sr⁻¹, RGB, [`Merl::CELLS`] of them, θh slowest, φd fastest; [`Merl::UNMEASURED`] where there is no measurement.
+    values: Vec<[f32; 3]>,
+}
+
+impl Merl {
+    /// Cells over θh, θd and φd. Those of θh are spaced like its square root, and cover [0, π/2]; so do those of θd,
+    /// evenly; those of φd cover [0, π], after which the BRDF repeats because it is reciprocal.
+    pub const SIZE: [usize; 3] = [90, 90, 180];
+    /// All cells.
+    pub const CELLS: usize = Self::SIZE[0] * Self::SIZE[1] * Self::SIZE[2];
+    /// What stands in a cell that was not measured.
+    pub const UNMEASURED: [f32; 3] = [-1.0; 3];
+
+    /// Tabulates a function of (θh, θd, φd), in radians, that gives sr⁻¹, `None` where it is not known.
+    pub fn tabulate(brdf: impl Fn([f64; 3]) -> Option<Vec3>) -> Merl {
+        let value = |cell| brdf(Self::angles(cell)).map_or(Self::UNMEASURED, |value| value.to_array());
+        Merl { values: (0..Self::CELLS).map(value).collect() }
+    }
+
+    /// θh, θd and φd in the middle of a cell, radians.
+    pub fn angles(cell: usize) -> [f64; 3] {
+        let [_, difference, azimuths] = Self::SIZE;
+        let index = [cell / (difference * azimuths), cell / azimuths % difference, cell % azimuths];
+        let middle = |axis: usize| (index[axis] as f64 + 0.5) / Self::SIZE[axis] as f64;
+        [middle(0).powi(2) * FRAC_PI_2, middle(1) * FRAC_PI_2, middle(2) * PI]
+    }
+
+    /// The cells, θh slowest, φd fastest; no negative value but [`Merl::UNMEASURED`].
+    pub fn values(&self) -> &[[f32; 3]] {
+        &self.values
+    }
+
+    /// Reads a `.binary` file: an error if it cannot be read, has other dimensions or another length, or if a number in it is not
+    /// finite or above 10⁸ sr⁻¹.
+    pub(super) fn read(path: &Path, needed_by: Option<&Place>) -> Result<Merl, Error> {
+        let unreadable = |source| Error::read(path, needed_by, source);
+        let file = open(path, needed_by)?;
+        let bytes = file.metadata().map_err(unreadable)?.len();
+        let expected = (12 + Self::CELLS * 3 * size_of::<f64>()) as u64;
+        let mut file = BufReader::with_capacity(1 << 16, file);
+        let mut header = [0; 12];
+        file.read_exact(&mut header).map_err(unreadable)?;
+        let size = [0, 4, 8].map(|at| i32::from_le_bytes([header[at], header[at + 1], header[at + 2], header[at + 3]]));
+        if size.map(i64::from) != Self::SIZE.map(|side| side as i64) {
+            let place = field(path, "dimensions".to_owned());
+            return Err(Error::unexpected(place, format!("{size:?}"), format!("{:?}", Self::SIZE)));
+        }
+        if bytes != expected {
+            let found = format!("{bytes} bytes");
+            return Err(Error::unexpected(Place::file(path), found, format!("{expected} bytes")));
+        }
+        let mut values = vec![[0f32; 3]; Self::CELLS];
+        for (channel, scale) in SCALES.into_iter().enumerate() {
+            for (cell, value) in values.iter_mut().enumerate() {
+                let mut number = [0; size_of::<f64>()];
+                file.read_exact(&mut number).map_err(unreadable)?;
+                let number = f64::from_le_bytes(number) * scale;
+                if !(number.is_finite() && number <= BRIGHTEST) {
+                    let place = field(path, format!("channel {channel}, cell {cell}"));
+                    let expected = format!("a number whose value is at most {BRIGHTEST:e} sr⁻¹");
+                    return Err(Error::unexpected(place, format!("a value of {number:e} sr⁻¹"), expected));
+                }
+                value[channel] = number as f32;
+            }
+        }
+        for value in &mut values {
+            if value.iter().any(|channel| *channel < 0.0) {
+                *value = Self::UNMEASURED;
+            }
+        }
+        Ok(Merl { values })
+    }
+
+    /// Writes a `.binary` file.
+    ///
+    /// # Errors
+    /// The system's.
+    pub fn save(&self, path: &Path) -> io::Result<()> {
+        let mut file = BufWriter::new(File::create(path)?);
+        for side in Self::SIZE {
+            file.write_all(&(side as i32).to_le_bytes())?;
+        }
+        for (channel, scale) in SCALES.into_iter().enumerate() {
+            for value in &self.values {
+                file.write_all(&(f64::from(value[channel]) / scale).to_le_bytes())?;
+            }
+        }
+        file.flush()
+    }
+}
+
+fn field(path: &Path, name: String) -> Place {
+    Place { field: Some(name), ..Place::file(path) }
+}

@@ -1,0 +1,125 @@
+//! Samples of a BRDF by hand or by goniometer: CSV files of a few hundred rows.
+//!
+//! The first row is the header `wi_theta,wi_phi,wo_theta,wo_phi,r,g,b`; each further one a sample: four angles in degrees, the θ
+//! in [0, 90), and the BRDF in sr⁻¹ without the cosine. Empty lines, and lines that start with `#`, are skipped.
+//! A file in which every `wi_phi` is 0 describes an isotropic material: the difference of the azimuths counts, and not its sign.
+
+use std::path::Path;
+
+use glam::{DVec3, Vec3};
+
+use crate::scene::error::{Error, Place, quote, read_bytes};
+use crate::scene::hash::put;
+
+const HEADER: [&str; 7] = ["wi_theta", "wi_phi", "wo_theta", "wo_phi", "r", "g", "b"];
+/// Longest file, bytes.
+const LONGEST: u64 = 4 << 20;
+/// Brightest value, sr⁻¹.
+const BRIGHTEST: f64 = 1e8;
+/// A direction this near to the surface, degrees, sees nothing of it.
+const GRAZING: f64 = 90.0;
+
+/// A BRDF that is known for some pairs of directions.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Sparse {
+    /// At least one, at most [`Sparse::MOST_SAMPLES`].
+    pub samples: Vec<SparseSample>,
+    /// Whether the azimuths count by their difference alone.
+    pub is_isotropic: bool,
+}
+
+/// One of them.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SparseSample {
+    /// Towards the light, unit, local, z > 0.
+    pub wi: DVec3,
+    /// Towards the viewer.
+    pub wo: DVec3,
+    /// sr⁻¹, RGB, without the cosine, in [0, 10⁸].
+    pub value: Vec3,
+}
+
+impl Sparse {
+    /// Evaluation looks at all samples, so there are not many.
+    pub const MOST_SAMPLES: usize = 4096;
+
+    /// Reads a `.csv` file: an error if it cannot be read, its header is another, or a row has another number of columns or a number out
+    /// of range.
+    pub(super) fn read(path: &Path, needed_by: Option<&Place>) -> Result<Sparse, Error> {
+        let text = String::from_utf8(read_bytes(path, needed_by, LONGEST)?).map_err(|_| {
+            Error::unexpected(Place::file(path), "bytes that are not UTF-8", "a text of comma-separated values")
+        })?;
+        let mut rows = text
+            .lines()
+            .enumerate()
+            .map(|(index, row)| (index + 1, row.trim()))
+            .filter(|(_, row)| !row.is_empty() && !row.starts_with('#'));
+        match rows.next() {
+            Some((_, row)) if row.split(',').map(str::trim).eq(HEADER) => {}
+            other => {
+                let (line, found) = other.map_or((1, "nothing".to_owned()), |(line, row)| (line, quote(row)));
+                return Err(Error::unexpected(
+                    Place::line(path, line),
+                    found,
+                    format!("the header `{}`", HEADER.join(",")),
+                ));
+            }
+        }
+        let mut samples = Vec::new();
+        let mut is_isotropic = true;
+        for (line, row) in rows {
+            let numbers = numbers(path, line, row)?;
+            is_isotropic &= numbers[1] == 0.0;
+            if samples.len() == Self::MOST_SAMPLES {
+                let found = "one sample more";
+                let expected = format!("at most {} samples", Self::MOST_SAMPLES);
+                return Err(Error::unexpected(Place::line(path, line), found, expected));
+            }
+            samples.push(SparseSample {
+                wi: direction(numbers[0], numbers[1]),
+                wo: direction(numbers[2], numbers[3]),
+                value: Vec3::new(numbers[4] as f32, numbers[5] as f32, numbers[6] as f32),
+            });
+        }
+        if samples.is_empty() {
+            return Err(Error::unexpected(Place::file(path), "no sample", "at least one"));
+        }
+        Ok(Sparse { samples, is_isotropic })
+    }
+
+    pub(super) fn put(&self, hasher: &mut blake3::Hasher) {
+        put(hasher, &[u8::from(self.is_isotropic)]);
+        for SparseSample { wi, wo, value } in &self.samples {
+            put(hasher, &[*wi, *wo]);
+            put(hasher, &[*value]);
+        }
+    }
+}
+
+/// The columns of a row, each in its range.
+fn numbers(path: &Path, line: usize, row: &str) -> Result<[f64; 7], Error> {
+    let columns = row.split(',').count();
+    if columns != HEADER.len() {
+        let expected = format!("{}", HEADER.len());
+        return Err(Error::unexpected(Place::line(path, line), format!("{columns} columns"), expected));
+    }
+    let mut numbers = [0.0; 7];
+    for ((number, name), text) in numbers.iter_mut().zip(HEADER).zip(row.split(',')) {
+        let [least, most] = match name {
+            "wi_theta" | "wo_theta" => [0.0, GRAZING.next_down()],
+            "wi_phi" | "wo_phi" => [-360.0, 360.0],
+            _ => [0.0, BRIGHTEST],
+        };
+        *number = text.trim().parse().ok().filter(|number| (least..=most).contains(number)).ok_or_else(|| {
+            let place = Place { field: Some(name.to_owned()), ..Place::line(path, line) };
+            Error::unexpected(place, quote(text.trim()), format!("a number from {least:e} to {most:e}"))
+        })?;
+    }
+    Ok(numbers)
+}
+
+/// The unit vector at these angles, degrees.
+fn direction(theta: f64, phi: f64) -> DVec3 {
+    let ((sine, cosine), phi) = (theta.to_radians().sin_cos(), phi.to_radians());
+    DVec3::new(sine * phi.cos(), sine * phi.sin(), cosine)
+}
