@@ -3,6 +3,7 @@
 use std::f64::consts::PI;
 
 use glam::{DVec3, Vec3};
+use nv_flip::{FlipImageRgb8, FlipPool};
 
 use super::measure::Eval;
 use crate::image::tone_map;
@@ -52,23 +53,15 @@ impl Ball {
         Ball { size, pixels }
     }
 
-    /// Stops by which to expose so that the ball's mean luminance is 0.25.
-    pub fn exposure(&self) -> f32 {
-        let inside = (0..self.pixels.len()).filter(|place| normal(self.size, *place).is_some());
-        let lights: Vec<f32> = inside.map(|place| luminance(self.pixels[place])).collect();
-        let mean = lights.iter().sum::<f32>() / lights.len().max(1) as f32;
-        if mean > 0.0 { (0.25 / mean).log2() } else { 0.0 }
-    }
-
     /// Tone-mapped sRGB, 8 bits a channel.
-    pub fn srgb(&self, exposure: f32) -> Vec<u8> {
-        tone_map::to_srgb8(&self.pixels, exposure)
+    pub fn srgb(&self) -> Vec<u8> {
+        tone_map::to_srgb8(&self.pixels, 0.0)
     }
 
     /// Structural similarity to another ball (Wang et al. 2004: Gaussian windows of 11 × 11 pixels, σ = 1.5) of what is shown
     /// in 8 bits, mean over channels and over the pixels of the ball; the black around it does not count.
-    pub fn ssim(&self, other: &Ball, exposure: f32) -> f64 {
-        let [a, b] = [self, other].map(|ball| ball.srgb(exposure));
+    pub fn ssim(&self, other: &Ball) -> f64 {
+        let [a, b] = [self, other].map(|ball| ball.srgb());
         let size = self.size;
         let kernel: Vec<f64> = (-5..=5).map(|x: i32| (-f64::from(x * x) / 4.5).exp()).collect();
         let (mut total, mut count) = (0.0, 0usize);
@@ -97,9 +90,17 @@ impl Ball {
         total / count.max(1) as f64
     }
 
+    /// Mean ꟻLIP error (Andersson et al. 2020, LDR) of what is shown, over the whole square.
+    pub fn flip(&self, truth: &Ball) -> f64 {
+        let [image, reference] =
+            [self, truth].map(|ball| FlipImageRgb8::with_data(ball.size as u32, ball.size as u32, &ball.srgb()));
+        let error = nv_flip::flip(reference, image, nv_flip::DEFAULT_PIXELS_PER_DEGREE);
+        f64::from(FlipPool::from_image(&error).mean())
+    }
+
     /// Peak signal-to-noise ratio of what is shown, dB, over the pixels of the ball.
-    pub fn psnr(&self, other: &Ball, exposure: f32) -> f64 {
-        let [a, b] = [self, other].map(|ball| ball.srgb(exposure));
+    pub fn psnr(&self, other: &Ball) -> f64 {
+        let [a, b] = [self, other].map(|ball| ball.srgb());
         let inside = |place: &usize| normal(self.size, *place / 3).is_some();
         let errors: Vec<f64> =
             (0..a.len()).filter(inside).map(|i| (f64::from(a[i]) - f64::from(b[i])).powi(2)).collect();
@@ -114,8 +115,4 @@ fn normal(size: usize, place: usize) -> Option<DVec3> {
     let (x, y) = (at(place % size), -at(place / size));
     let z = 1.0 - x * x - y * y;
     (z > 1e-4).then(|| DVec3::new(x, y, z.sqrt()))
-}
-
-fn luminance([red, green, blue]: [f32; 3]) -> f32 {
-    0.2126 * red + 0.7152 * green + 0.0722 * blue
 }

@@ -4,19 +4,112 @@ use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
 use glam::DVec3;
 
+use serde::Serialize;
+
+use super::ball::Ball;
 use super::pairs::draw;
 use super::random::Random;
 
 /// A BRDF at many (ωo, ωi) at once.
 pub type Eval<'a> = &'a (dyn Fn(&[[DVec3; 2]]) -> Vec<DVec3> + Sync);
 
+/// All that a fit is judged by.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct FitErrors {
+    /// Over random pairs of directions.
+    pub pairs: PairErrors,
+    /// Of a rendered ball.
+    pub ball: BallErrors,
+    /// Directional albedo at some ωo.
+    pub albedo: Vec<AlbedoError>,
+    /// The worst of those, |relative error|.
+    pub worst_albedo: f64,
+}
+
+/// A fit, its ground truth, and a ball of each.
+pub struct Comparison {
+    /// The figures.
+    pub errors: FitErrors,
+    /// The fit's ball.
+    pub fit: Ball,
+    /// The ground truth's ball.
+    pub truth: Ball,
+}
+
 /// Errors over pairs drawn as those for training are.
-#[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct PairErrors {
     /// Mean of |Δ ln(1 + f)|.
     pub log: f64,
     /// Root mean square of Δ(f cos θi) over that of f cos θi.
     pub relative_rmse: f64,
+}
+
+/// Differences of two balls as they are shown, see [`Ball`].
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+pub struct BallErrors {
+    /// Structural similarity.
+    pub ssim: f64,
+    /// Mean ꟻLIP error.
+    pub flip: f64,
+    /// Peak signal-to-noise ratio, dB.
+    pub psnr: f64,
+}
+
+/// The directional albedo at one ωo, mean over channels.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct AlbedoError {
+    /// θo, degrees.
+    pub theta: f64,
+    /// φo, degrees.
+    pub phi: f64,
+    /// Of the ground truth.
+    pub truth: f64,
+    /// Of the fit.
+    pub fit: f64,
+}
+
+impl AlbedoError {
+    /// (fit − truth) / truth.
+    pub fn relative(&self) -> f64 {
+        (self.fit - self.truth) / self.truth.max(1e-300)
+    }
+}
+
+/// Pairs of the comparison.
+const PAIRS: usize = 1 << 16;
+/// Not a seed of any training that a user is likely to ask for.
+const SEED: u64 = 0x6a09_e667_f3bc_c908;
+/// θo at which albedos are compared, degrees.
+const THETAS: [f64; 6] = [0.0, 15.0, 30.0, 45.0, 60.0, 75.0];
+/// Points that an albedo is integrated over.
+const ALBEDO_POINTS: usize = 8192;
+
+/// Compares a fit with its ground truth; balls are `size` pixels to a side.
+pub fn compare(size: usize, is_isotropic: bool, fit: Eval, truth: Eval) -> Comparison {
+    let phis: &[f64] = if is_isotropic { &[0.0] } else { &[0.0, 45.0, 90.0] };
+    let albedo: Vec<AlbedoError> = THETAS
+        .iter()
+        .flat_map(|theta| phis.iter().map(move |phi| (*theta, *phi)))
+        .map(|(theta, phi)| {
+            let ((sin, cos), (y, x)) = (f64::to_radians(theta).sin_cos(), f64::to_radians(phi).sin_cos());
+            let wo = DVec3::new(sin * x, sin * y, cos);
+            let of = |eval: Eval| directional_albedo(wo, ALBEDO_POINTS, eval).element_sum() / 3.0;
+            AlbedoError { theta, phi, truth: of(truth), fit: of(fit) }
+        })
+        .collect();
+    let [fit_ball, truth_ball] = [fit, truth].map(|eval| Ball::render(size, eval));
+    let errors = FitErrors {
+        pairs: pair_errors(PAIRS, SEED, fit, truth),
+        ball: BallErrors {
+            ssim: fit_ball.ssim(&truth_ball),
+            flip: fit_ball.flip(&truth_ball),
+            psnr: fit_ball.psnr(&truth_ball),
+        },
+        worst_albedo: albedo.iter().map(|albedo| albedo.relative().abs()).fold(0.0, f64::max),
+        albedo,
+    };
+    Comparison { errors, fit: fit_ball, truth: truth_ball }
 }
 
 /// Compares at `count` random pairs.
@@ -36,7 +129,7 @@ pub fn pair_errors(count: usize, seed: u64, fit: Eval, truth: Eval) -> PairError
 
 /// Directional albedo, ∫ f(ωo, ωi) cos θi dωi, RGB, by `count` points that crowd where lobes are. Exact enough to compare two
 /// BRDFs, as both are seen at the same points.
-pub fn albedo(wo: DVec3, count: usize, eval: Eval) -> DVec3 {
+pub fn directional_albedo(wo: DVec3, count: usize, eval: Eval) -> DVec3 {
     let mut directions = Vec::with_capacity(count);
     let mut weights = Vec::with_capacity(count);
     for i in 0..count {

@@ -2,7 +2,7 @@
 
 use pulp::Arch;
 
-use super::product::{LANES, Left, multiply_add, padded};
+use super::product::{Left, multiply_add, padded};
 use super::random::Random;
 
 /// Where a layer's numbers are in [`Network::parameters`]: weights, inputs × padded outputs, then the padded bias.
@@ -83,14 +83,6 @@ impl Network {
         self.shapes.iter().map(|shape| shape.inputs).chain(self.shapes.last().map(|shape| shape.outputs)).collect()
     }
 
-    fn inputs(&self) -> usize {
-        self.shapes.first().map_or(0, |shape| shape.inputs)
-    }
-
-    fn outputs(&self) -> usize {
-        self.shapes.last().map_or(0, |shape| shape.outputs)
-    }
-
     /// The weights again, each layer outputs × padded inputs: what gradients go back through.
     pub fn transpose(&self, out: &mut Vec<f32>) {
         out.clear();
@@ -157,6 +149,7 @@ impl Network {
 #[derive(Clone, Debug)]
 pub struct Shard {
     rows: usize,
+    width: usize,
     /// Rows × padded width, of the inputs and of what each layer gives.
     activations: Vec<Vec<f32>>,
     /// The same of the loss's derivatives.
@@ -174,11 +167,17 @@ impl Shard {
             network.widths().iter().map(|width| vec![0.0; rows * padded(*width)]).collect();
         Shard {
             rows,
+            width: network.widths()[0],
             gradients: activations.clone(),
             activations,
             gradient: vec![0.0; network.parameters.len()],
             loss: 0.0,
         }
+    }
+
+    /// Numbers of a row that go in.
+    pub fn width(&self) -> usize {
+        self.width
     }
 
     /// Its inputs, rows × padded inputs.

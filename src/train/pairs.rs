@@ -100,14 +100,3 @@ const LOWEST: f64 = 1e-3;
 fn direction(theta: f64, phi: f64) -> DVec3 {
     DVec3::new(theta.sin() * phi.cos(), theta.sin() * phi.sin(), theta.cos())
 }
-
-/// Both turned about z, and mirrored if need be, so that ωi has azimuth 0 and ωo one in [0, π].
-pub fn turned(wo: DVec3, wi: DVec3) -> (DVec3, DVec3) {
-    let length = wi.x.hypot(wi.y);
-    if length < 1e-12 {
-        return (DVec3::new(wo.x.hypot(wo.y), 0.0, wo.z), DVec3::new(0.0, 0.0, wi.z));
-    }
-    let (cos, sin) = (wi.x / length, wi.y / length);
-    let turned = DVec3::new(wo.x * cos + wo.y * sin, (wo.y * cos - wo.x * sin).abs(), wo.z);
-    (turned, DVec3::new(length, 0.0, wi.z))
-}

@@ -116,19 +116,22 @@ impl Plan {
         }
     }
 
+    /// The grids of ωi and ωo.
+    pub(super) fn grids(&self) -> Result<[SphereGrid; 2], Error> {
+        let [Some(wi), Some(wo)] = self.n_side.map(SphereGrid::new) else {
+            let (name, found) = ("--n-side", format!("{:?}", self.n_side));
+            return Err(Error::Plan { name, found, expected: "powers of two, at most 128" });
+        };
+        Ok([wi, wo])
+    }
+
     /// Errors if a number of the plan is beyond what the model or memory allow.
     pub fn validate(&self) -> Result<(), Error> {
         let check = |name: &'static str, is_fine: bool, found: String, expected: &'static str| match is_fine {
             true => Ok(()),
             false => Err(Error::Plan { name, found, expected }),
         };
-        let grids = self.n_side.map(SphereGrid::new);
-        check(
-            "--n-side",
-            grids.iter().all(|grid| grid.is_some()),
-            format!("{:?}", self.n_side),
-            "a power of two, at most 128",
-        )?;
+        self.grids()?;
         let between = |count: usize, least: usize, most: usize| (least..=most).contains(&count);
         check("--features", between(self.features, 1, 32), self.features.to_string(), "1 to 32")?;
         check("--hidden", between(self.hidden, 4, 128), self.hidden.to_string(), "4 to 128")?;

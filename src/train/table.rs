@@ -92,11 +92,6 @@ impl Table {
         self.indices.len()
     }
 
-    /// Features of a point.
-    pub fn row(&self, point: u32) -> &[f32] {
-        &self.rows[point as usize * self.features..][..self.features]
-    }
-
     /// From features of their own to a codebook of `codes` codes, found by k-means over the points that `is_used` tells.
     pub fn quantise(&mut self, codes: usize, is_used: &[bool], random: &mut Random) {
         let used: Vec<u32> = (0..self.point_count() as u32).filter(|point| is_used[*point as usize]).collect();
@@ -249,8 +244,8 @@ pub fn softmax_backward(
     }
     let mut mean = 0.0;
     let products: Vec<f32> = codes.chunks_exact(features).map(|code| dot(code, gradient)).collect();
-    for (((share, product), to_code), _) in
-        to_scores.iter_mut().zip(&products).zip(to_codes.chunks_exact_mut(features)).zip(0..)
+    for ((share, product), to_code) in
+        to_scores.iter_mut().zip(&products).zip(to_codes.chunks_exact_mut(features))
     {
         *share /= sum;
         mean += *share * product;

@@ -9,18 +9,10 @@ use super::adam::Adam;
 use super::network::{Network, Shard};
 use super::product::padded;
 use super::random::Random;
+use super::gather::{Corners, Rows, gather_features};
 use super::table::{Table, TableStep};
 
-/// Grid points and their weights at a direction.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Corners {
-    /// The points.
-    pub points: [u32; 4],
-    /// Their weights.
-    pub weights: [f32; 4],
-}
-
-/// What the network sees of the pairs.
+/// What the network sees of the pairs to learn from.
 pub enum Inputs {
     /// Features gathered from the tables of ωi and ωo.
     Corners(Vec<[Corners; 2]>),
@@ -61,6 +53,8 @@ pub struct Rates {
     pub temperature: f32,
     /// Where |error| turns from square to linear; 0 is L1.
     pub smooth: f32,
+    /// Pull of each weight to 0, the derivative of an L1 penalty.
+    pub sparsity: f32,
 }
 
 /// Rows of a shard.
@@ -90,6 +84,7 @@ pub struct Trainer {
     transposed: Vec<f32>,
     shards: Vec<Shard>,
     scatters: Vec<Scatter>,
+    sum: Vec<f32>,
 }
 
 /// Gradient of a table's rows.
@@ -123,6 +118,7 @@ impl Trainer {
             transposed: Vec::new(),
             shards: Vec::new(),
             scatters,
+            sum: Vec::new(),
             network,
         }
     }
@@ -137,8 +133,9 @@ impl Trainer {
         self.network.transpose(&mut self.transposed);
         let Trainer { network, tables, head, pool, transposed, shards, .. } = self;
         let scale = 1.0 / (3 * batch) as f32;
+        let rows: Vec<Rows> = tables.iter().map(|table| Rows { features: table.features, rows: &table.rows }).collect();
         shards.par_iter_mut().zip(blocks.par_chunks(SHARD / BLOCK)).for_each(|(shard, blocks)| {
-            gather(pool, tables, blocks, shard);
+            gather(pool, &rows, blocks, shard);
             network.forward(shard);
             loss(pool, *head, rates.smooth, scale, blocks, shard);
             shard.gradient.fill(0.0);
@@ -147,29 +144,36 @@ impl Trainer {
         self.step += 1;
         self.adam_step += 1;
         let step = self.adam_step;
-        let Trainer { network, adam, tables, pool, shards, scatters, .. } = self;
-        let (first, others) = shards.split_at_mut(1);
-        rayon::join(
-            || {
-                let sum = &mut first[0].gradient;
-                for shard in others.iter() {
-                    sum.iter_mut().zip(&shard.gradient).for_each(|(sum, value)| *sum += value);
-                }
-                adam.step(0, &mut network.parameters, sum, rates.network, step);
-            },
-            || (),
-        );
-        let shards = &self.shards;
-        let corners = match &pool.inputs {
-            Inputs::Corners(corners) => corners,
-            Inputs::Direct(_) => &Vec::new(),
+        let Trainer { network, adam, tables, pool, shards, scatters, sum, .. } = self;
+        let shards = &*shards;
+        let update_network = || {
+            sum.clear();
+            sum.extend(network.parameters.iter().map(|parameter| rates.sparsity * parameter.signum()));
+            for shard in shards {
+                sum.iter_mut().zip(&shard.gradient).for_each(|(sum, value)| *sum += value);
+            }
+            adam.step(0, &mut network.parameters, sum, rates.network, step);
         };
-        let at = TableStep { step, rate: rates.tables, temperature: rates.temperature };
-        tables.par_iter_mut().zip(scatters).enumerate().for_each(|(side, (table, scatter))| {
-            scatter.add(table.features, side, corners, &blocks, shards);
-            table.step(&scatter.gradient, &scatter.touched, at);
-        });
+        let update_tables = || {
+            let Inputs::Corners(corners) = &pool.inputs else { return };
+            if rates.tables == 0.0 {
+                return;
+            }
+            let at = TableStep { step, rate: rates.tables, temperature: rates.temperature };
+            tables.par_iter_mut().zip(scatters).enumerate().for_each(|(side, (table, scatter))| {
+                scatter.add(table.features, side, corners, &blocks, shards);
+                table.step(&scatter.gradient, &scatter.touched, at);
+            });
+        };
+        rayon::join(update_network, update_tables);
         shards.iter().map(|shard| shard.loss).sum::<f64>() / (3 * batch) as f64
+    }
+
+    /// Goes on with another network, of whose parameters nothing is known yet.
+    pub fn replace_network(&mut self, network: Network) {
+        self.adam = Adam::new(network.parameters.len());
+        self.network = network;
+        self.adam_step = 0;
     }
 
     /// The blocks of the next batch: each epoch goes through the pool in an order of its own.
@@ -188,62 +192,18 @@ impl Trainer {
             .collect()
     }
 
-    /// What comes out for other inputs: the three outputs of each pair.
-    pub fn outputs(&self, inputs: &Inputs) -> Vec<[f32; 3]> {
-        outputs(&self.network, &self.tables, inputs)
-    }
-}
-
-/// What a network gives for some inputs: the three outputs of each pair.
-pub fn outputs(network: &Network, tables: &[Table], inputs: &Inputs) -> Vec<[f32; 3]> {
-    let count = match inputs {
-        Inputs::Corners(corners) => corners.len(),
-        Inputs::Direct(values) => values.len() / network.widths()[0],
-    };
-    let mut all = vec![[0.0; 3]; count];
-    all.par_chunks_mut(SHARD).enumerate().for_each(|(chunk, all)| {
-        let mut shard = Shard::new(network, SHARD);
-        for (row, pair) in (chunk * SHARD..chunk * SHARD + all.len()).enumerate() {
-            gather_row(inputs, tables, pair, row, network.widths()[0], &mut shard);
-        }
-        network.forward(&mut shard);
-        let (out, _) = shard.outputs();
-        for (to, from) in all.iter_mut().zip(out.chunks_exact(padded(3))) {
-            to.copy_from_slice(&from[..3]);
-        }
-    });
-    all
 }
 
 fn pairs_of(blocks: &[u32]) -> impl Iterator<Item = usize> {
     blocks.iter().flat_map(|block| (0..BLOCK).map(move |i| *block as usize * BLOCK + i))
 }
 
-fn gather(pool: &Pool, tables: &[Table], blocks: &[u32], shard: &mut Shard) {
-    let width = match &pool.inputs {
-        Inputs::Corners(_) => tables.iter().map(|table| table.features).sum(),
-        Inputs::Direct(values) => values.len() / pool.targets.len(),
-    };
-    for (row, pair) in pairs_of(blocks).enumerate() {
-        gather_row(&pool.inputs, tables, pair, row, width, shard);
-    }
-}
-
-fn gather_row(inputs: &Inputs, tables: &[Table], pair: usize, row: usize, width: usize, shard: &mut Shard) {
-    let out = &mut shard.inputs()[row * padded(width)..][..width];
-    match inputs {
-        Inputs::Direct(values) => out.copy_from_slice(&values[pair * width..][..width]),
-        Inputs::Corners(corners) => {
-            let mut rest = out;
-            for (table, at) in tables.iter().zip(&corners[pair]) {
-                let (out, after) = rest.split_at_mut(table.features);
-                rest = after;
-                let [a, b, c, d] = at.points.map(|point| table.row(point));
-                let [p, q, r, s] = at.weights;
-                for (f, out) in out.iter_mut().enumerate() {
-                    *out = p * a[f] + q * b[f] + r * c[f] + s * d[f];
-                }
-            }
+fn gather(pool: &Pool, tables: &[Rows], blocks: &[u32], shard: &mut Shard) {
+    let width = shard.width();
+    for (pair, row) in pairs_of(blocks).zip(shard.inputs().chunks_exact_mut(padded(width))) {
+        match &pool.inputs {
+            Inputs::Direct(numbers) => row[..width].copy_from_slice(&numbers[pair * width..][..width]),
+            Inputs::Corners(corners) => gather_features(tables, &corners[pair], row),
         }
     }
 }
