@@ -33,7 +33,7 @@ fn main() {
         };
         let arg = |key: &str| std::env::args().rev().find_map(|a| a.strip_prefix(&format!("{key}=")).map(|v| v.to_owned()));
         let model = if arg("nbrdf").is_some() { Model::Nbrdf } else { Model::NeuBrdf };
-        let recipe = match arg("recipe").as_deref() { Some("paper") => Recipe::Paper, Some("free") => Recipe::Free, _ => Recipe::Default };
+        let recipe = match arg("recipe").as_deref() { Some("paper") => Recipe::Paper, _ => Recipe::Default };
         let quality = match arg("quality").as_deref() { Some("draft") => Quality::Draft, Some("best") => Quality::Best, _ => Quality::Default };
         let mut plan = Plan::new(model, recipe, quality, iso);
         if let Some(v) = arg("steps") { plan.steps = v.parse().unwrap(); }

@@ -37,12 +37,16 @@ pub struct Comparison {
 }
 
 /// Errors over pairs drawn as those for training are.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct PairErrors {
     /// Mean of |Δ ln(1 + f)|.
     pub log: f64,
     /// Root mean square of Δ(f cos θi) over that of f cos θi.
     pub relative_rmse: f64,
+    /// [θh in degrees, mean of |Δ ln(1 + f)|].
+    pub log_by_half_angle: Vec<[f64; 2]>,
+    /// [θo in degrees, mean of |Δ ln(1 + f)|].
+    pub log_by_view_angle: Vec<[f64; 2]>,
 }
 
 /// Differences of two balls as they are shown, see [`Ball`].
@@ -76,6 +80,8 @@ impl AlbedoError {
     }
 }
 
+/// Bins of errors by angle, 3° each.
+const BINS: usize = 30;
 /// Pairs of the comparison.
 const PAIRS: usize = 1 << 16;
 /// Not a seed of any training that a user is likely to ask for.
@@ -117,14 +123,24 @@ pub fn pair_errors(count: usize, seed: u64, fit: Eval, truth: Eval) -> PairError
     let mut random = Random::new(seed, 0);
     let pairs: Vec<[DVec3; 2]> = (0..count).map(|_| draw(&mut random)).map(|(wo, wi)| [wo, wi]).collect();
     let (mut log, mut square, mut norm) = (0.0, 0.0, 0.0);
-    for ((fit, truth), [_, wi]) in fit(&pairs).into_iter().zip(truth(&pairs)).zip(&pairs) {
-        for (a, b) in fit.to_array().into_iter().zip(truth.to_array()) {
-            log += (a.ln_1p() - b.ln_1p()).abs();
-            square += ((a - b) * wi.z).powi(2);
-            norm += (b * wi.z).powi(2);
+    let mut bins = [[[0.0; 2]; BINS]; 2];
+    for ((fit, truth), [wo, wi]) in fit(&pairs).into_iter().zip(truth(&pairs)).zip(&pairs) {
+        let here = (0..3).map(|channel| (fit[channel].ln_1p() - truth[channel].ln_1p()).abs()).sum::<f64>() / 3.0;
+        log += here / count as f64;
+        square += ((fit - truth) * wi.z).length_squared();
+        norm += (truth * wi.z).length_squared();
+        for (bins, cosine) in bins.iter_mut().zip([(*wo + *wi).normalize().z, wo.z]) {
+            let bin = (cosine.clamp(0.0, 1.0).acos() / FRAC_PI_2 * BINS as f64) as usize;
+            let [sum, count] = &mut bins[bin.min(BINS - 1)];
+            *sum += here;
+            *count += 1.0;
         }
     }
-    PairErrors { log: log / (3 * count) as f64, relative_rmse: (square / norm.max(1e-300)).sqrt() }
+    let [log_by_half_angle, log_by_view_angle] = bins.map(|bins| {
+        let middle = |bin: usize| (bin as f64 + 0.5) * 90.0 / BINS as f64;
+        bins.iter().enumerate().filter(|(_, [_, count])| *count > 0.0).map(|(bin, [sum, count])| [middle(bin), sum / count]).collect()
+    });
+    PairErrors { log, relative_rmse: (square / norm.max(1e-300)).sqrt(), log_by_half_angle, log_by_view_angle }
 }
 
 /// Directional albedo, ∫ f(ωo, ωi) cos θi dωi, RGB, by `count` points that crowd where lobes are. Exact enough to compare two

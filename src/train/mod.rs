@@ -6,15 +6,18 @@
 
 mod adam;
 pub mod ball;
+mod checkpoint;
 mod evaluator;
 mod gather;
 pub mod measure;
 mod network;
 mod pairs;
 mod plan;
+pub mod plot;
 mod product;
 mod prune;
 mod random;
+mod report;
 mod result;
 mod session;
 mod table;
@@ -26,6 +29,7 @@ use std::path::PathBuf;
 pub use evaluator::Evaluator;
 pub use pairs::{GroundTruth, Pair};
 pub use plan::{Model, Plan, Quality, Recipe};
+pub use report::Report;
 pub use session::Session;
 
 /// Why a training cannot be done.

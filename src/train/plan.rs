@@ -6,7 +6,7 @@ use super::Error;
 use crate::scene::brdf::{CornerWeights, SphereGrid};
 
 /// What is trained.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
 #[serde(rename_all = "lowercase")]
 pub enum Model {
     /// Features on two hemispheres and a network.
@@ -16,19 +16,17 @@ pub enum Model {
 }
 
 /// How a NeuBRDF is trained.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
 #[serde(rename_all = "lowercase")]
 pub enum Recipe {
     /// What gave the least error for its bytes and time.
     Default,
     /// The paper's, to the letter; the encoding of the loss, which it leaves open, is the default's.
     Paper,
-    /// The default without a codebook: each point has features of its own, the upper bound of what codes can do.
-    Free,
 }
 
 /// How long.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
 #[serde(rename_all = "lowercase")]
 pub enum Quality {
     /// A look at it.
@@ -38,6 +36,9 @@ pub enum Quality {
     /// Several minutes.
     Best,
 }
+
+/// What an index of 16 bits can name, besides nothing.
+const MOST_CODES: usize = (u16::MAX - 1) as usize;
 
 /// All that a training depends on, besides the ground truth.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -76,17 +77,19 @@ pub struct Plan {
 impl Plan {
     /// The plan of a recipe at a quality.
     pub fn new(model: Model, recipe: Recipe, quality: Quality, is_isotropic: bool) -> Plan {
+        // Anisotropic materials have all of both hemispheres to learn.
+        let more = if is_isotropic { 1 } else { 2 };
         let (steps, batch, pairs) = match quality {
-            Quality::Draft => (4_000, 512, 1 << 18),
-            Quality::Default => (24_000, 1024, 1 << 20),
-            Quality::Best => (80_000, 2048, 1 << 22),
+            Quality::Draft => (4_000 * more, 512, 1 << 18),
+            Quality::Default => (32_000 * more, 1024, 1 << 20),
+            Quality::Best => (80_000 * more, 2048, 1 << 22),
         };
         let plan = Plan {
             model,
             recipe,
             n_side: [16; 2],
-            features: 12,
-            codes: if is_isotropic { [1024; 2] } else { [1024; 2] },
+            features: if is_isotropic { 12 } else { 11 },
+            codes: [MOST_CODES; 2],
             hidden: 64,
             pruned: 64,
             corner_weights: CornerWeights::Bilinear,
@@ -99,21 +102,24 @@ impl Plan {
         };
         match recipe {
             Recipe::Default => plan,
-            Recipe::Free => Plan { codes: [usize::from(u16::MAX) - 1; 2], ..plan },
             Recipe::Paper => Plan {
                 n_side: [64; 2],
                 features: 16,
                 codes: [256; 2],
                 hidden: 128,
-                pruned: 64,
                 corner_weights: CornerWeights::Uniform,
-                steps: steps / 4,
+                steps: steps / 8,
                 batch: 2048,
-                network_rate: 1e-2,
                 table_rate: 1e-2,
                 ..plan
             },
         }
+    }
+
+    /// Coarsens the grids, so that there are not more points than a few measurements can tell of.
+    pub fn for_samples(self, count: usize) -> Plan {
+        let n_side = (1..=4).map(|power| 1 << power).take_while(|n| 6 * n * n <= count as u32).last().unwrap_or(1);
+        Plan { n_side: self.n_side.map(|finest| finest.min(n_side)), ..self }
     }
 
     /// The grids of ωi and ωo.
@@ -136,10 +142,9 @@ impl Plan {
         check("--features", between(self.features, 1, 32), self.features.to_string(), "1 to 32")?;
         check("--hidden", between(self.hidden, 4, 128), self.hidden.to_string(), "4 to 128")?;
         check("pruned width", between(self.pruned, 4, self.hidden), self.pruned.to_string(), "4 to the width before")?;
-        let most = usize::from(u16::MAX) - 1;
         check(
             "--codes",
-            self.codes.iter().all(|codes| between(*codes, 2, most)),
+            self.codes.iter().all(|codes| between(*codes, 2, MOST_CODES)),
             format!("{:?}", self.codes),
             "2 to 65534",
         )?;

@@ -51,7 +51,7 @@ pub struct Session {
     /// What is done.
     pub plan: Plan,
     /// The model.
-    pub trainer: Trainer,
+    pub(super) trainer: Trainer,
     is_isotropic: bool,
     encoding: Encoding,
     grids: [SphereGrid; 2],
@@ -59,7 +59,7 @@ pub struct Session {
     used: [Vec<bool>; 2],
     /// Pixels of each hemisphere that pairs lie in.
     seen: [Vec<bool>; 2],
-    loss: f64,
+    pub(super) loss: f64,
     /// Where winding down began and where it ends, in steps.
     end: Option<[u32; 2]>,
 }
@@ -93,6 +93,16 @@ impl Session {
     /// Whether all steps are done.
     pub fn is_done(&self) -> bool {
         self.trainer.step >= self.end.map_or(self.plan.steps, |[_, end]| end)
+    }
+
+    /// Steps done.
+    pub fn steps(&self) -> u32 {
+        self.trainer.step
+    }
+
+    /// Gain of the encoding that the loss is taken in.
+    pub fn gain(&self) -> f64 {
+        self.encoding.gain.into()
     }
 
     /// The loss of the last steps, averaged.
@@ -187,6 +197,29 @@ impl Session {
         }
     }
 
+    /// Gives the model the sizes that it has somewhere on the way; `None` if it never has.
+    pub(super) fn shape(&mut self, widths: &[usize], codes: &[Option<usize>]) -> Option<()> {
+        let Plan { features, pruned, .. } = self.plan;
+        if widths != self.trainer.network.widths() {
+            if self.plan.recipe != Recipe::Paper || widths != [2 * features, pruned, pruned, pruned, 3] {
+                return None;
+            }
+            self.trainer.replace_network(Network::zeros(widths));
+        }
+        if codes.len() != self.trainer.tables.len() {
+            return None;
+        }
+        for ((table, codes), most) in self.trainer.tables.iter_mut().zip(codes).zip(self.plan.codes) {
+            if let Some(codes) = *codes {
+                if self.plan.recipe != Recipe::Default || codes != most {
+                    return None;
+                }
+                table.start_nearest(codes);
+            }
+        }
+        Some(())
+    }
+
     /// The NeuBRDF as it is now; `None` if it is none.
     pub fn neubrdf(&self) -> Option<NeuBrdf> {
         let Trainer { network, tables, .. } = &self.trainer;
@@ -229,7 +262,7 @@ fn start(plan: &Plan, grids: [SphereGrid; 2], encoding: Encoding) -> (Network, V
                 let points = grids[side].point_count();
                 match plan.recipe {
                     Recipe::Paper => Table::softmax(points, features, codes[side], random),
-                    Recipe::Default | Recipe::Free => Table::free(points, features, random),
+                    Recipe::Default => Table::free(points, features, random),
                 }
             });
             (network, tables.into(), Head::Encoded)
@@ -295,5 +328,5 @@ fn encoding(pairs: &[Pair]) -> Option<Encoding> {
 /// The encoded value of a pair, and its weight: bright ones count more, as they carry the energy; grazing ones less.
 fn target(pair: &Pair, encoding: Encoding) -> [f32; 4] {
     let [r, g, b] = pair.value.to_array().map(|value| (encoding.gain * value).ln_1p() / encoding.scale);
-    [r, g, b, (1.0 + (r + g + b) / 3.0) * pair.wi.z.sqrt()]
+    [r, g, b, (1.0 + (r + g + b) / 3.0).powi(2) * pair.wi.z.sqrt()]
 }

@@ -121,9 +121,23 @@ impl Table {
                 }
             }
         }
-        self.adam = Adam::new(codes * features);
-        self.quantiser = Quantiser::Nearest { adam: Adam::new(free.len()), free };
+        let codes_found = std::mem::take(&mut self.codes);
+        self.start_nearest(codes);
+        self.codes = codes_found;
         self.assign();
+    }
+
+    /// Turns features of points' own into those that [`Quantiser::Nearest`] starts from, with a codebook of zeros.
+    pub fn start_nearest(&mut self, codes: usize) {
+        let free = self.rows.clone();
+        self.quantiser = Quantiser::Nearest { adam: Adam::new(free.len()), free };
+        self.adam = Adam::new(codes * self.features);
+        self.codes = vec![0.0; codes * self.features];
+    }
+
+    /// Codes of [`Quantiser::Nearest`].
+    pub fn nearest_codes(&self) -> Option<usize> {
+        matches!(self.quantiser, Quantiser::Nearest { .. }).then(|| self.codes.len() / self.features)
     }
 
     /// Gives each point its code again, and its features.
@@ -148,10 +162,16 @@ impl Table {
         self.look_up();
     }
 
-    fn look_up(&mut self) {
-        for (row, index) in self.rows.chunks_exact_mut(self.features).zip(&self.indices) {
-            row.copy_from_slice(&self.codes[*index as usize * self.features..][..self.features]);
+    /// Gives points the features of their codes; false if there is no such code.
+    pub fn look_up(&mut self) -> bool {
+        let codes = self.codes.len() / self.features;
+        let is_valid = self.indices.iter().all(|index| (*index as usize) < codes);
+        if is_valid {
+            for (row, index) in self.rows.chunks_exact_mut(self.features).zip(&self.indices) {
+                row.copy_from_slice(&self.codes[*index as usize * self.features..][..self.features]);
+            }
         }
+        is_valid
     }
 
     /// Moves what is learned against `gradient`, the loss's derivatives by [`Table::rows`]; `touched` are the points

@@ -10,7 +10,7 @@ use super::network::{Network, Shard};
 use super::product::padded;
 use super::random::Random;
 use super::gather::{Corners, Rows, gather_features};
-use super::table::{Table, TableStep};
+use super::table::{Quantiser, Table, TableStep};
 
 /// What the network sees of the pairs to learn from.
 pub enum Inputs {
@@ -174,6 +174,33 @@ impl Trainer {
         self.adam = Adam::new(network.parameters.len());
         self.network = network;
         self.adam_step = 0;
+    }
+
+    /// All that changes from step to step, in one order.
+    pub fn state(&mut self) -> (Vec<&mut Vec<f32>>, Vec<&mut Vec<u32>>) {
+        let mut floats = vec![&mut self.network.parameters, &mut self.adam.first, &mut self.adam.second];
+        let mut indices = Vec::new();
+        for table in &mut self.tables {
+            floats.extend([&mut table.codes, &mut table.adam.first, &mut table.adam.second]);
+            match &mut table.quantiser {
+                Quantiser::Free => {}
+                Quantiser::Nearest { free: learned, adam } | Quantiser::Softmax { scores: learned, adam } => {
+                    floats.extend([learned, &mut adam.first, &mut adam.second]);
+                }
+            }
+            indices.push(&mut table.indices);
+        }
+        (floats, indices)
+    }
+
+    /// Gives points their features again after [`Trainer::state`] was written to; false if that named codes that are not there.
+    pub fn look_up(&mut self) -> bool {
+        self.tables.iter_mut().all(Table::look_up)
+    }
+
+    /// What tells these pairs from others.
+    pub fn pairs_hash(&self) -> String {
+        blake3::hash(bytemuck::cast_slice(&self.pool.targets)).to_hex().to_string()
     }
 
     /// The blocks of the next batch: each epoch goes through the pool in an order of its own.
