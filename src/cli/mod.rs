@@ -4,6 +4,7 @@ mod brdf_input;
 mod compare;
 mod info;
 mod job;
+mod material;
 mod progress;
 #[cfg(feature = "embree")]
 mod reference;
@@ -33,6 +34,8 @@ enum Command {
     Compare(compare::Arguments),
     /// Learn a BRDF: from measurements, a network or a closed form to a small neural material.
     Train(Box<train::Arguments>),
+    /// Say what a BRDF is; draw and check it.
+    Material(material::Arguments),
     /// List the Vulkan devices, what each would be used for, and what an unfit one lacks.
     Info(info::Arguments),
 }
@@ -45,6 +48,7 @@ pub fn main() -> ExitCode {
         Command::Reference(arguments) => reference::run(*arguments),
         Command::Compare(arguments) => compare::run(arguments),
         Command::Train(arguments) => train::run(*arguments),
+        Command::Material(arguments) => material::run(arguments),
         Command::Info(arguments) => info::run(arguments),
     };
     match result {

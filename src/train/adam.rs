@@ -39,3 +39,25 @@ impl Adam {
         });
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn steps_are_those_of_the_paper() {
+        let gradients = [0.3, -0.2, 0.05, 1.0];
+        let (mut parameter, mut m, mut v) = (1.0f64, 0.0, 0.0);
+        let (mut found, mut adam) = (vec![0.0, 1.0], Adam::new(2));
+        for (index, gradient) in gradients.into_iter().enumerate() {
+            let step = index as i32 + 1;
+            let [beta_1, beta_2] = [BETA_1, BETA_2].map(f64::from);
+            m = beta_1 * m + (1.0 - beta_1) * gradient;
+            v = beta_2 * v + (1.0 - beta_2) * gradient * gradient;
+            parameter -= 0.01 * (m / (1.0 - beta_1.powi(step))) / ((v / (1.0 - beta_2.powi(step))).sqrt() + 1e-10);
+            adam.step(1, &mut found, &[gradient as f32], 0.01, step as u32);
+            assert!((f64::from(found[1]) - parameter).abs() < 1e-6);
+        }
+        assert_eq!(found[0], 0.0);
+    }
+}

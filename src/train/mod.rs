@@ -6,6 +6,7 @@
 
 mod adam;
 pub mod ball;
+pub mod check;
 mod checkpoint;
 mod evaluator;
 mod gather;

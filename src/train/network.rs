@@ -200,4 +200,72 @@ impl Shard {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// The definition, in `f64`.
+    fn evaluate(network: &Network, parameters: &[f64], inputs: &[f64]) -> Vec<f64> {
+        let mut x = inputs.to_vec();
+        for (layer, shape) in network.shapes.iter().enumerate() {
+            let sum = |output| {
+                let products = x.iter().enumerate().map(|(input, x)| parameters[shape.weight(output, input)] * x);
+                products.sum::<f64>() + parameters[shape.bias(output)]
+            };
+            let y: Vec<f64> = (0..shape.outputs).map(sum).collect();
+            x = if layer + 1 < network.shapes.len() { y.into_iter().map(|y| y.max(0.0)).collect() } else { y };
+        }
+        x
+    }
+
+    #[test]
+    fn gradients_are_finite_differences_of_the_definition() {
+        let mut random = Random::new(3, 0);
+        for widths in [&[6, 21, 21, 3][..], &[24, 64, 64, 64, 3], &[5, 16, 3]] {
+            const ROWS: usize = 3;
+            let network = Network::random(widths, &mut random);
+            let mut shard = Shard::new(&network, ROWS);
+            let (width, stride) = (widths[0], padded(widths[0]));
+            for row in shard.inputs().chunks_exact_mut(stride) {
+                row[..width].iter_mut().for_each(|x| *x = 2.0 * random.next_f32() - 1.0);
+            }
+            let inputs: Vec<f64> = shard.inputs().iter().map(|x| f64::from(*x)).collect();
+            let parameters: Vec<f64> = network.parameters.iter().map(|x| f64::from(*x)).collect();
+            network.forward(&mut shard);
+            let (outputs, gradients) = shard.outputs();
+            // The loss is a weighted sum of the outputs.
+            let factors: Vec<f32> = (0..3 * ROWS).map(|_| random.next_f32() - 0.5).collect();
+            for row in 0..ROWS {
+                let expected = evaluate(&network, &parameters, &inputs[row * stride..][..width]);
+                for (channel, expected) in expected.into_iter().enumerate() {
+                    assert!((f64::from(outputs[row * padded(3) + channel]) - expected).abs() < 1e-5);
+                    gradients[row * padded(3) + channel] = factors[3 * row + channel];
+                }
+            }
+            let mut transposed = Vec::new();
+            network.transpose(&mut transposed);
+            network.backward(&transposed, &mut shard);
+
+            let loss = |parameters: &[f64], inputs: &[f64]| -> f64 {
+                let row = |row: usize| evaluate(&network, parameters, &inputs[row * stride..][..width]);
+                (0..ROWS).flat_map(row).zip(&factors).map(|(y, factor)| y * f64::from(*factor)).sum()
+            };
+            let step = 1e-6;
+            let difference = |values: &[f64], index: usize, loss: &dyn Fn(&[f64]) -> f64| {
+                let at = |step: f64| {
+                    let mut moved = values.to_vec();
+                    moved[index] += step;
+                    loss(&moved)
+                };
+                (at(step) - at(-step)) / (2.0 * step)
+            };
+            for _ in 0..200 {
+                let index = random.below(parameters.len());
+                let expected = difference(&parameters, index, &|moved| loss(moved, &inputs));
+                // Padding has no part in the definition, and gets no gradient.
+                assert!((f64::from(shard.gradient[index]) - expected).abs() < 2e-5, "{widths:?}: parameter {index}");
+            }
+            for index in (0..ROWS * stride).filter(|index| index % stride < width) {
+                let expected = difference(&inputs, index, &|moved| loss(&parameters, moved));
+                assert!((f64::from(shard.input_gradient()[index]) - expected).abs() < 2e-5, "{widths:?}: input {index}");
+            }
+        }
+    }
 }

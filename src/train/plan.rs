@@ -118,7 +118,7 @@ impl Plan {
 
     /// Coarsens the grids, so that there are not more points than a few measurements can tell of.
     pub fn for_samples(self, count: usize) -> Plan {
-        let n_side = (1..=4).map(|power| 1 << power).take_while(|n| 6 * n * n <= count as u32).last().unwrap_or(1);
+        let n_side = (0..=4).map(|power| 1 << power).take_while(|n| 24 * n * n <= count as u32).last().unwrap_or(1);
         Plan { n_side: self.n_side.map(|finest| finest.min(n_side)), ..self }
     }
 

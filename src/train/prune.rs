@@ -33,3 +33,38 @@ pub fn prune_neurons(network: &Network, kept: usize) -> Network {
     }
     pruned
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::network::Shard;
+    use super::super::product::padded;
+    use super::super::random::Random;
+    use super::*;
+
+    /// Neurons that lead nowhere go first, and without them the function is the same.
+    #[test]
+    fn pruning_neurons_of_no_consequence_keeps_the_function() {
+        let mut random = Random::new(6, 0);
+        let mut network = Network::random(&[10, 12, 12, 3], &mut random);
+        for layer in 0..2 {
+            let after = network.shapes[layer + 1];
+            for neuron in [1, 4, 5, 11] {
+                (0..after.outputs).for_each(|output| network.parameters[after.weight(output, neuron)] = 0.0);
+            }
+        }
+        let pruned = prune_neurons(&network, 8);
+        assert_eq!(pruned.widths(), [10, 8, 8, 3]);
+        let outputs = |network: &Network| {
+            let mut random = Random::new(7, 0);
+            let mut shard = Shard::new(network, 20);
+            for row in shard.inputs().chunks_exact_mut(padded(10)) {
+                row[..10].iter_mut().for_each(|x| *x = random.next_f32());
+            }
+            network.forward(&mut shard);
+            shard.outputs().0.to_vec()
+        };
+        for (a, b) in outputs(&network).into_iter().zip(outputs(&pruned)) {
+            assert!((a - b).abs() < 1e-5);
+        }
+    }
+}

@@ -14,7 +14,7 @@ use super::prune::prune_neurons;
 use super::random::Random;
 use super::result::{layers, nbrdf, sphere_table, whole_table};
 use super::table::{Quantiser, Table};
-use super::trainer::{Head, Inputs, Pool, Rates, Trainer};
+use super::trainer::{Head, Inputs, Loss, Pool, Rates, Trainer};
 use crate::material::HalfDifference;
 use crate::scene::brdf::{Encoding, Nbrdf, NeuBrdf, Provenance, SphereGrid};
 
@@ -29,9 +29,6 @@ const PRUNED_RATE: f32 = 1e-3;
 
 /// Steps over which the rates rise from 0.
 const WARM_UP: f32 = 100.0;
-
-/// Errors of the encoded value count square up to here, linearly beyond.
-const SMOOTH: f32 = 0.1;
 
 /// Of the encoding y = ln(1 + gain · f) / scale.
 const SCALE: f32 = 2.0;
@@ -161,7 +158,7 @@ impl Session {
                 network: network_rate * falling,
                 tables: table_rate * falling,
                 temperature: 1.0,
-                smooth: SMOOTH,
+                loss: Loss::Divergence { scale: self.encoding.scale },
                 sparsity: 0.0,
             };
         }
@@ -178,12 +175,12 @@ impl Session {
                 network: network_rate * falling,
                 tables: table_rate * falling,
                 temperature: 1.0 - 0.5 * joint,
-                smooth: 0.0,
+                loss: Loss::Absolute,
                 sparsity: SPARSITY,
             }
         } else {
             let falling = multi_step((at - PRUNE_AT) / (1.0 - PRUNE_AT));
-            Rates { network: PRUNED_RATE * falling, tables: 0.0, temperature: 0.5, smooth: 0.0, sparsity: 0.0 }
+            Rates { network: PRUNED_RATE * falling, tables: 0.0, temperature: 0.5, loss: Loss::Absolute, sparsity: 0.0 }
         }
     }
 

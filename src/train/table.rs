@@ -193,11 +193,8 @@ impl Table {
                     to_codes[code..code + features].iter_mut().zip(gradient).for_each(|(sum, value)| *sum += value);
                     // The pull is on the scale of the gradient, whatever that of the loss is.
                     let strength = COMMITMENT * dot(gradient, gradient).sqrt();
-                    for ((to, free), code) in
-                        to_free[start..start + features].iter_mut().zip(&free[start..]).zip(&self.codes[code..])
-                    {
-                        *to += strength * (free - code);
-                    }
+                    let to = &mut to_free[start..start + features];
+                    add_commitment(strength, &free[start..start + features], &self.codes[code..], to);
                 }
                 self.adam.step(0, &mut self.codes, &to_codes, at.rate, at.step);
                 adam.step(0, free, &to_free, at.rate, at.step);
@@ -245,9 +242,16 @@ fn highest(scores: &[f32]) -> usize {
     best
 }
 
+/// Adds the derivatives of strength · |free − code|² / 2 by `free`.
+fn add_commitment(strength: f32, free: &[f32], code: &[f32], to: &mut [f32]) {
+    for ((to, free), code) in to.iter_mut().zip(free).zip(code) {
+        *to += strength * (free - code);
+    }
+}
+
 /// Derivatives of a loss through softmax(scores / τ) · codes: by the scores (set) and by the codes (added to), given those
 /// by the product.
-pub fn softmax_backward(
+fn softmax_backward(
     scores: &[f32],
     codes: &[f32],
     gradient: &[f32],
@@ -273,5 +277,97 @@ pub fn softmax_backward(
     }
     for (share, product) in to_scores.iter_mut().zip(&products) {
         *share *= (product - mean) / temperature;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const STEP: f64 = 1e-6;
+
+    fn numbers(count: usize, random: &mut Random) -> Vec<f32> {
+        (0..count).map(|_| 2.0 * random.next_f32() - 1.0).collect()
+    }
+
+    fn wide(numbers: &[f32]) -> Vec<f64> {
+        numbers.iter().map(|x| f64::from(*x)).collect()
+    }
+
+    /// Holds `found` to central differences of `loss` at `values`.
+    fn check(values: &[f32], found: &[f32], loss: impl Fn(&[f64]) -> f64) {
+        for (index, found) in found.iter().enumerate() {
+            let at = |step: f64| {
+                let mut moved = wide(values);
+                moved[index] += step;
+                loss(&moved)
+            };
+            let expected = (at(STEP) - at(-STEP)) / (2.0 * STEP);
+            assert!((f64::from(*found) - expected).abs() < 1e-5, "{index}: {found} {expected}");
+        }
+    }
+
+    #[test]
+    fn softmax_gradients_are_finite_differences() {
+        let mut random = Random::new(1, 0);
+        let (codes_count, features) = (9, 5);
+        let (scores, codes) = (numbers(codes_count, &mut random), numbers(codes_count * features, &mut random));
+        let gradient = numbers(features, &mut random);
+        for temperature in [1.0, 0.5] {
+            let loss = |scores: &[f64], codes: &[f64]| -> f64 {
+                let shares: Vec<f64> = scores.iter().map(|score| (score / f64::from(temperature)).exp()).collect();
+                let sum: f64 = shares.iter().sum();
+                let dot = |code: &[f64]| code.iter().zip(&gradient).map(|(c, g)| c * f64::from(*g)).sum::<f64>();
+                shares.iter().zip(codes.chunks_exact(features)).map(|(share, code)| share / sum * dot(code)).sum()
+            };
+            let (mut to_scores, mut to_codes) = (vec![0.0; codes_count], vec![0.0; codes.len()]);
+            softmax_backward(&scores, &codes, &gradient, temperature, &mut to_scores, &mut to_codes);
+            check(&scores, &to_scores, |scores| loss(scores, &wide(&codes)));
+            check(&codes, &to_codes, |codes| loss(&wide(&scores), codes));
+        }
+    }
+
+    #[test]
+    fn the_commitment_is_the_gradient_of_a_squared_distance() {
+        let mut random = Random::new(2, 0);
+        let (free, code) = (numbers(7, &mut random), numbers(7, &mut random));
+        let mut to = vec![0.0; 7];
+        add_commitment(0.3, &free, &code, &mut to);
+        check(&free, &to, |free| {
+            0.15f32 as f64 * free.iter().zip(&code).map(|(a, b)| (a - f64::from(*b)).powi(2)).sum::<f64>()
+        });
+    }
+
+    /// One step against a gradient on one point: its code and its own features move, others' do not.
+    #[test]
+    fn a_step_moves_what_was_touched() {
+        let mut random = Random::new(4, 0);
+        let (points, features) = (40, 4);
+        let mut table = Table::free(points, features, &mut random);
+        table.quantise(8, &vec![true; points], &mut random);
+        let before = table.clone();
+        let mut gradient = vec![0.0; points * features];
+        gradient[5 * features] = 1.0;
+        table.step(&gradient, &[5], TableStep { step: 1, rate: 0.01, temperature: 1.0 });
+        let code = before.indices[5] as usize;
+        for (index, (a, b)) in before.codes.iter().zip(&table.codes).enumerate() {
+            let expected = if index == code * features { -0.01 } else { 0.0 };
+            assert!((b - a - expected).abs() < 1e-6, "code number {index}");
+        }
+        assert!(table.codes.chunks_exact(features).nth(code).is_some_and(|code| code == &table.rows[5 * features..][..features]));
+    }
+
+    #[test]
+    fn k_means_finds_clusters_and_each_point_its_nearest_code() {
+        let mut random = Random::new(5, 0);
+        let features = 3;
+        let mut table = Table::free(90, features, &mut random);
+        for (point, row) in table.rows.chunks_exact_mut(features).enumerate() {
+            row.iter_mut().for_each(|x| *x = (point % 3) as f32 * 10.0 + 0.01 * *x);
+        }
+        table.quantise(12, &vec![true; 90], &mut random);
+        for (point, row) in table.rows.chunks_exact(features).enumerate() {
+            assert!(row.iter().all(|x| (x - (point % 3) as f32 * 10.0).abs() < 0.02), "{point}: {row:?}");
+        }
     }
 }

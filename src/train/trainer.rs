@@ -42,6 +42,20 @@ pub enum Head {
     },
 }
 
+/// What an error of the encoded value counts.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Loss {
+    /// Its size.
+    Absolute,
+    /// Itakura and Saito's divergence of x = 1 + gain · f from its fit x̂, x / x̂ − ln(x / x̂) − 1, over scale²; linear where x is more than
+    /// twice x̂. About half the square of the error, but least at the mean of f, not at that of its logarithm: lobes keep their
+    /// energy where they are not fitted exactly, and what a noisy ground truth says is right on average.
+    Divergence {
+        /// Scale of the encoding.
+        scale: f32,
+    },
+}
+
 /// Learning rates and the softness of a step.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Rates {
@@ -51,8 +65,8 @@ pub struct Rates {
     pub tables: f32,
     /// Of softmax quantisers.
     pub temperature: f32,
-    /// Where |error| turns from square to linear; 0 is L1.
-    pub smooth: f32,
+    /// What is made small.
+    pub loss: Loss,
     /// Pull of each weight to 0, the derivative of an L1 penalty.
     pub sparsity: f32,
 }
@@ -137,7 +151,7 @@ impl Trainer {
         shards.par_iter_mut().zip(blocks.par_chunks(SHARD / BLOCK)).for_each(|(shard, blocks)| {
             gather(pool, &rows, blocks, shard);
             network.forward(shard);
-            loss(pool, *head, rates.smooth, scale, blocks, shard);
+            loss(pool, *head, rates.loss, scale, blocks, shard);
             shard.gradient.fill(0.0);
             network.backward(transposed, shard);
         });
@@ -235,7 +249,7 @@ fn gather(pool: &Pool, tables: &[Rows], blocks: &[u32], shard: &mut Shard) {
     }
 }
 
-fn loss(pool: &Pool, head: Head, smooth: f32, scale: f32, blocks: &[u32], shard: &mut Shard) {
+fn loss(pool: &Pool, head: Head, loss: Loss, scale: f32, blocks: &[u32], shard: &mut Shard) {
     let mut sum = 0.0;
     let (outputs, gradients) = shard.outputs();
     let width = padded(3);
@@ -246,18 +260,28 @@ fn loss(pool: &Pool, head: Head, smooth: f32, scale: f32, blocks: &[u32], shard:
         for channel in 0..3 {
             let (encoded, slope) = head.encode(output[channel]);
             let error = encoded - target[channel];
-            let size = error.abs();
-            // Huber's loss, scaled so that its slope far out is 1.
-            let (loss, derivative) = if size > smooth {
-                (size - 0.5 * smooth, error.signum())
-            } else {
-                (0.5 * error * error / smooth.max(1e-12), error / smooth.max(1e-12))
-            };
+            let (loss, derivative) = loss.of(error);
             sum += f64::from(target[3] * loss);
             gradient[channel] = scale * target[3] * derivative * slope;
         }
     }
     shard.loss = sum;
+}
+
+impl Loss {
+    /// The loss and its derivative by the fit, for a fit that is `error` above its target.
+    fn of(self, error: f32) -> (f32, f32) {
+        match self {
+            Loss::Absolute => (error.abs(), if error == 0.0 { 0.0 } else { error.signum() }),
+            Loss::Divergence { scale } => {
+                let lowest = -std::f32::consts::LN_2 / scale;
+                let within = error.max(lowest);
+                let excess = (-scale * within).exp_m1();
+                let divergence = (within + excess / scale) / scale;
+                (divergence + (within - error) / scale, -excess / scale)
+            }
+        }
+    }
 }
 
 impl Head {
@@ -296,6 +320,83 @@ impl Scatter {
                     }
                     let to = &mut self.gradient[point as usize * features..][..features];
                     to.iter_mut().zip(row).for_each(|(to, value)| *to += weight * value);
+                }
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn losses_and_heads_have_the_slopes_of_finite_differences() {
+        let step = 1e-3f32;
+        for head in [Head::Encoded, Head::LogPlusOne { gain: 100.0, scale: 2.0 }] {
+            for y in [-0.3f32, 0.2, 1.5, 4.0] {
+                let expected = (head.encode(y + step).0 - head.encode(y - step).0) / (2.0 * step);
+                assert!((head.encode(y).1 - expected).abs() < 2e-3 * expected.abs(), "{head:?} at {y}");
+            }
+        }
+        for loss in [Loss::Absolute, Loss::Divergence { scale: 2.0 }] {
+            for error in [-0.9f32, -0.3, -0.05, 0.02, 0.3, 1.2] {
+                let expected = (loss.of(error + step).0 - loss.of(error - step).0) / (2.0 * step);
+                assert!((loss.of(error).1 - expected).abs() < 2e-3, "{loss:?}: {error}");
+            }
+            assert_eq!(loss.of(0.0), (0.0, 0.0));
+        }
+    }
+
+    /// Of a value that is x or y by chance, the divergence makes the mean.
+    #[test]
+    fn the_divergence_is_least_at_the_mean() {
+        let scale = 2.0;
+        let encode = |x: f32| x.ln() / scale;
+        let (x, y) = (1.5f32, 2.2);
+        let slope = |fit: f32| -> f32 {
+            [x, y].iter().map(|target| Loss::Divergence { scale }.of(encode(fit) - encode(*target)).1).sum()
+        };
+        assert!(slope(0.5 * (x + y)).abs() < 1e-6 && slope(1.8) < 0.0 && slope(1.9) > 0.0);
+    }
+
+    /// What scattering adds up is the transpose of what gathering does: the derivative of each feature by each row.
+    #[test]
+    fn scattering_is_the_gradient_of_gathering() {
+        let (points, features) = (7, 3);
+        let mut random = Random::new(8, 0);
+        let corners: Vec<[Corners; 2]> = (0..SHARD)
+            .map(|_| {
+                [0, 1].map(|_| Corners {
+                    points: [0; 4].map(|_| random.below(points) as u32),
+                    weights: [0.0; 4].map(|_| random.next_f32()),
+                })
+            })
+            .collect();
+        let network = Network::random(&[2 * features, 8, 3], &mut random);
+        let mut shard = Shard::new(&network, SHARD);
+        let (_, gradients) = shard.outputs();
+        gradients.chunks_exact_mut(padded(3)).for_each(|row| row[..3].iter_mut().for_each(|x| *x = random.next_f32()));
+        let mut transposed = Vec::new();
+        network.transpose(&mut transposed);
+        network.forward(&mut shard);
+        network.backward(&transposed, &mut shard);
+        let row_gradient = shard.input_gradient().to_vec();
+        let blocks: Vec<u32> = (0..(SHARD / BLOCK) as u32).collect();
+        for side in 0..2 {
+            let mut scatter =
+                Scatter { gradient: vec![0.0; points * features], is_touched: vec![false; points], touched: Vec::new() };
+            scatter.add(features, side, &corners, &blocks, std::slice::from_ref(&shard));
+            for point in 0..points {
+                for feature in 0..features {
+                    let mut expected = 0.0;
+                    for (row, at) in row_gradient.chunks_exact(padded(2 * features)).zip(&corners) {
+                        let weights = at[side].points.iter().zip(at[side].weights);
+                        let weight: f32 = weights.filter(|(p, _)| **p as usize == point).map(|(_, weight)| weight).sum();
+                        expected += f64::from(weight) * f64::from(row[side * features + feature]);
+                    }
+                    let found = f64::from(scatter.gradient[point * features + feature]);
+                    assert!((found - expected).abs() < 1e-4 * (1.0 + expected.abs()));
                 }
             }
         }
