@@ -4,7 +4,7 @@ CARGO := cargo
 FEATURES := --features embree --locked
 OUT := target/demo
 
-.PHONY: demo test bench check install-test install-demo
+.PHONY: demo test bench check study-fit install-test install-demo
 
 ## Renders the preview scene to target/demo/preview.png (and .exr).
 demo: install-demo
@@ -34,6 +34,13 @@ SECTIONS := cornell passes cold memory
 bench: install-test
 	$(CARGO) bench $(FEATURES) --bench rays -- $(RAYS)
 	$(CARGO) bench $(FEATURES) --bench render -- $(SECTIONS)
+
+## Fits every published network and our own surfaces, and prints the table of docs/training.md: about a minute a material on two
+## cores. It goes on where it was stopped. MATERIALS restricts it: names, `published`, `ours`; QUALITY is draft, default or best.
+MATERIALS :=
+QUALITY := default
+study-fit:
+	$(CARGO) run --release $(FEATURES) --example study_fit -- --quality $(QUALITY) $(MATERIALS)
 
 install-demo:
 	@scripts/setup.sh demo

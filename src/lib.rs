@@ -20,3 +20,4 @@ pub mod material;
 pub mod reference;
 pub mod render;
 pub mod scene;
+pub mod train;

@@ -1,12 +1,15 @@
 //! The command line: one file a subcommand. Each parses, calls the library and prints.
 
+mod brdf_input;
 mod compare;
 mod info;
 mod job;
+mod material;
 mod progress;
 #[cfg(feature = "embree")]
 mod reference;
 mod render;
+mod train;
 
 use std::process::ExitCode;
 
@@ -29,6 +32,10 @@ enum Command {
     Reference(Box<reference::Arguments>),
     /// Say how two pictures differ: MSE, relMSE, FLIP, bias, and a z-test where they carry variances.
     Compare(compare::Arguments),
+    /// Learn a BRDF: from measurements, a network or a closed form to a small neural material.
+    Train(Box<train::Arguments>),
+    /// Say what a BRDF is; draw and check it.
+    Material(material::Arguments),
     /// List the Vulkan devices, what each would be used for, and what an unfit one lacks.
     Info(info::Arguments),
 }
@@ -40,6 +47,8 @@ pub fn main() -> ExitCode {
         #[cfg(feature = "embree")]
         Command::Reference(arguments) => reference::run(*arguments),
         Command::Compare(arguments) => compare::run(arguments),
+        Command::Train(arguments) => train::run(*arguments),
+        Command::Material(arguments) => material::run(arguments),
         Command::Info(arguments) => info::run(arguments),
     };
     match result {

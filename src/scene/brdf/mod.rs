@@ -11,8 +11,8 @@ mod rgl;
 mod safetensors;
 mod sampling_lobe;
 mod sparse;
-mod tensor_file;
 mod sphere_grid;
+mod tensor_file;
 
 use std::path::Path;
 

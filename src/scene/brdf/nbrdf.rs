@@ -57,6 +57,29 @@ impl Nbrdf {
         })
     }
 
+    /// A safetensors file of this one material.
+    pub fn to_safetensors(&self, name: &str) -> Vec<u8> {
+        let [inputs, hidden] = [Nbrdf::INPUTS, Nbrdf::HIDDEN];
+        let tensors: [(&str, Vec<usize>, &[f32]); 6] = [
+            ("kernel1", vec![inputs, hidden], self.kernel_1.as_flattened()),
+            ("bias1", vec![hidden], &self.bias_1),
+            ("kernel2", vec![hidden, hidden], self.kernel_2.as_flattened()),
+            ("bias2", vec![hidden], &self.bias_2),
+            ("kernel3", vec![hidden, 3], self.kernel_3.as_flattened()),
+            ("bias3", vec![3], &self.bias_3),
+        ];
+        let mut header = serde_json::Map::new();
+        let mut data: Vec<u8> = Vec::new();
+        for (tensor, shape, numbers) in tensors {
+            let start = data.len();
+            data.extend(numbers.iter().flat_map(|number| number.to_le_bytes()));
+            let entry = serde_json::json!({"dtype": "F32", "shape": shape, "data_offsets": [start, data.len()]});
+            header.insert(format!("{name}/{tensor}"), entry);
+        }
+        let header = serde_json::Value::Object(header).to_string();
+        [&(header.len() as u64).to_le_bytes()[..], header.as_bytes(), &data].concat()
+    }
+
     pub(super) fn from_npy(path: &Path, by: Option<&Place>) -> Result<Nbrdf, Error> {
         let file_name = path.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
         let endings = ["fc1", "b1", "fc2", "b2", "fc3", "b3"].map(|part| format!("{part}.npy"));

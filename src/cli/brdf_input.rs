@@ -1,0 +1,122 @@
+//! BRDFs that a command is given: files of measured ones and networks, or a material of a scene file.
+
+use std::path::Path;
+
+use anyhow::{Context, Result, bail};
+use glam::DVec3;
+use neubrdf::material::{Bsdf, Evaluate, Prepared, color};
+use neubrdf::scene::brdf::{Brdf, NeuBrdf, Sparse};
+use neubrdf::scene::{Scene, Surface};
+use neubrdf::train::{GroundTruth, Pair};
+
+/// A BRDF, whatever defines it.
+pub struct BrdfInput {
+    /// For people.
+    pub name: String,
+    /// Its values.
+    pub brdf: Box<dyn Evaluate>,
+    /// The measurements, where it is known by them alone.
+    samples: Option<Vec<Pair>>,
+}
+
+impl BrdfInput {
+    /// Loads `path`: a scene (.toml), of which `name` picks a material, or any file that a scene could name as a material; `name`
+    /// picks one of a collection.
+    pub fn load(path: &Path, name: Option<&str>) -> Result<BrdfInput> {
+        let stem = path.file_stem().map(|stem| stem.to_string_lossy().into_owned()).unwrap_or_default();
+        let label = name.map_or(stem.clone(), |name| format!("{stem}: {name}"));
+        let known = |brdf| Ok(BrdfInput { name: label.clone(), brdf, samples: None });
+        match path.extension().and_then(|ending| ending.to_str()) {
+            Some("toml") => known(Box::new(scene_material(path, name)?)),
+            Some("neubrdf") => known(Box::new(Neural(NeuBrdf::load(path)?))),
+            _ => match Brdf::load(path, name)? {
+                Brdf::Sparse(sparse) => {
+                    let samples = Some(pairs(&sparse));
+                    Ok(BrdfInput { name: label, brdf: Box::new(Brdf::Sparse(sparse)), samples })
+                }
+                brdf => known(Box::new(brdf)),
+            },
+        }
+    }
+
+    /// How many measurements it is known by; `None` where it is known everywhere.
+    pub fn sample_count(&self) -> Option<usize> {
+        self.samples.as_ref().map(Vec::len)
+    }
+
+    /// Hands it to what wants to learn it; `eval` is its values.
+    pub fn ground_truth<'a>(&self, eval: &'a (dyn Fn(DVec3, DVec3) -> DVec3 + Sync)) -> GroundTruth<'a> {
+        let is_isotropic = self.brdf.is_isotropic();
+        match &self.samples {
+            Some(pairs) => GroundTruth::Samples { pairs: pairs.clone(), is_isotropic },
+            None => GroundTruth::Function { eval, is_isotropic },
+        }
+    }
+}
+
+fn pairs(sparse: &Sparse) -> Vec<Pair> {
+    let pair = |sample: &neubrdf::scene::brdf::SparseSample| Pair {
+        wo: sample.wo.as_vec3(),
+        wi: sample.wi.as_vec3(),
+        value: sample.value,
+    };
+    sparse.samples.iter().map(pair).collect()
+}
+
+/// A surface of a scene in its own colour, textures left out.
+#[derive(Debug)]
+struct SceneMaterial {
+    prepared: Prepared,
+    color: DVec3,
+    is_isotropic: bool,
+}
+
+impl Evaluate for SceneMaterial {
+    fn eval(&self, wo: DVec3, wi: DVec3) -> DVec3 {
+        Bsdf::new(&self.prepared, self.color).eval(wo, wi)
+    }
+
+    fn is_isotropic(&self) -> bool {
+        self.is_isotropic
+    }
+}
+
+#[derive(Debug)]
+struct Neural(NeuBrdf);
+
+impl Evaluate for Neural {
+    fn eval(&self, wo: DVec3, wi: DVec3) -> DVec3 {
+        self.0.eval(wo, wi)
+    }
+
+    fn is_isotropic(&self) -> bool {
+        self.0.is_isotropic
+    }
+}
+
+fn scene_material(path: &Path, name: Option<&str>) -> Result<SceneMaterial> {
+    let (scene, _) = Scene::load(path)?;
+    let names = || scene.materials.iter().map(|material| material.name.as_str()).collect::<Vec<_>>().join(", ");
+    let material = match name {
+        Some(name) => scene
+            .materials
+            .iter()
+            .find(|material| material.name == name)
+            .with_context(|| format!("{}: no material `{name}`; it has {}", path.display(), names()))?,
+        None => bail!("{}: say which material with --name; it has {}", path.display(), names()),
+    };
+    if matches!(material.surface, Surface::Dielectric { .. }) {
+        bail!("{}: material `{}` lets light through; a BRDF only reflects", path.display(), material.name);
+    }
+    let prepared = Prepared::new(&material.surface, &scene.brdfs);
+    let color = color(&material.surface).value.as_dvec3();
+    if Bsdf::new(&prepared, color).is_delta() {
+        bail!("{}: material `{}` is a perfect mirror, which has no values to learn", path.display(), material.name);
+    }
+    let is_isotropic = match &prepared {
+        Prepared::Conductor { roughness, .. } => roughness.is_none_or(|ggx| ggx.alpha.x == ggx.alpha.y),
+        Prepared::LobeSampled { brdf, .. } => brdf.is_isotropic(),
+        _ => true,
+    };
+    Ok(SceneMaterial { prepared, color, is_isotropic })
+}

@@ -1,0 +1,112 @@
+//! A training's state on disk, bit for bit.
+//!
+//! Layout, little-endian: 8 bytes magic, u32 length of a JSON header, the header, the numbers of [`super::trainer::Trainer`] in its
+//! order, and a BLAKE3 hash of all that. The pairs are not stored: they are drawn again, and have to be the same.
+
+use std::io::Write;
+use std::path::Path;
+
+use bytemuck::{Pod, cast_slice, cast_slice_mut};
+use serde::{Deserialize, Serialize};
+
+use super::plan::Plan;
+use super::{Error, Session};
+use crate::image::atomic_write;
+
+const MAGIC: &[u8; 8] = b"NBRDFTR1";
+const HASH_BYTES: usize = 32;
+
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Header {
+    version: String,
+    plan: Plan,
+    /// [`super::trainer::Pool::hash`].
+    pairs: String,
+    step: u32,
+    adam_step: u32,
+    /// Bits of the averaged loss, which may be NaN.
+    loss: u64,
+    widths: Vec<usize>,
+    /// Codes of each table that has been given codes on the way.
+    codes: Vec<Option<usize>>,
+}
+
+impl Session {
+    /// Writes the state, whole or not at all.
+    pub fn save(&mut self, path: &Path) -> Result<(), Error> {
+        let io_error = |source| Error::CheckpointFile { path: path.to_owned(), source };
+        let trainer = &self.trainer;
+        let header = Header {
+            version: env!("CARGO_PKG_VERSION").to_owned(),
+            plan: self.plan.clone(),
+            pairs: trainer.pairs_hash(),
+            step: trainer.step,
+            adam_step: trainer.adam_step,
+            loss: self.loss.to_bits(),
+            widths: trainer.network.widths(),
+            codes: trainer.tables.iter().map(|table| table.nearest_codes()).collect(),
+        };
+        let header = serde_json::to_vec(&header).map_err(|error| io_error(error.into()))?;
+        let (floats, indices) = self.trainer.state();
+        let parts: Vec<&[u8]> =
+            floats.iter().map(|part| cast_slice(part)).chain(indices.iter().map(|part| cast_slice(part))).collect();
+        atomic_write(path, |file| {
+            let length = (header.len() as u32).to_le_bytes();
+            let mut hasher = blake3::Hasher::new();
+            for part in [MAGIC, &length[..], &header].into_iter().chain(parts) {
+                hasher.update(part);
+                file.write_all(part).map_err(io_error)?;
+            }
+            file.write_all(hasher.finalize().as_bytes()).map_err(io_error)
+        })
+    }
+
+    /// Goes on from what [`Session::save`] wrote for the same plan and ground truth. On an error the session is not to be used.
+    pub fn restore(&mut self, path: &Path) -> Result<(), Error> {
+        let bytes = std::fs::read(path).map_err(|source| Error::CheckpointFile { path: path.to_owned(), source })?;
+        let format = |reason| Error::CheckpointFormat { path: path.to_owned(), reason };
+        let (header, mut rest) = parse(&bytes).map_err(format)?;
+        for (what, is_equal) in [
+            ("the version", header.version == env!("CARGO_PKG_VERSION")),
+            ("the plan (model, recipe, quality, seed or a size)", header.plan == self.plan),
+            ("the input", header.pairs == self.trainer.pairs_hash()),
+        ] {
+            if !is_equal {
+                return Err(Error::CheckpointMismatch { path: path.to_owned(), what });
+            }
+        }
+        self.shape(&header.widths, &header.codes).ok_or_else(|| format("its sizes are not those of its plan"))?;
+        self.trainer.step = header.step;
+        self.trainer.adam_step = header.adam_step;
+        self.loss = f64::from_bits(header.loss);
+        let (floats, indices) = self.trainer.state();
+        for part in floats {
+            rest = take(rest, part).ok_or_else(|| format("it is cut short"))?;
+        }
+        for part in indices {
+            rest = take(rest, part).ok_or_else(|| format("it is cut short"))?;
+        }
+        if !rest.is_empty() || !self.trainer.look_up() {
+            return Err(format("its numbers are not those of its plan"));
+        }
+        Ok(())
+    }
+}
+
+fn parse(bytes: &[u8]) -> Result<(Header, &[u8]), &'static str> {
+    let (content, hash) = bytes.split_at_checked(bytes.len().wrapping_sub(HASH_BYTES)).ok_or("it is too short")?;
+    let rest = content.strip_prefix(MAGIC).ok_or("it does not begin like one")?;
+    if blake3::hash(content).as_bytes() != hash {
+        return Err("its checksum does not match: it was cut short or changed");
+    }
+    let (length, rest) = rest.split_first_chunk::<4>().ok_or("it is too short")?;
+    let (header, rest) = rest.split_at_checked(u32::from_le_bytes(*length) as usize).ok_or("its header is cut short")?;
+    Ok((serde_json::from_slice(header).map_err(|_| "its header is of another version")?, rest))
+}
+
+fn take<'a, T: Pod>(bytes: &'a [u8], to: &mut [T]) -> Option<&'a [u8]> {
+    let (taken, rest) = bytes.split_at_checked(size_of_val(to))?;
+    cast_slice_mut(to).copy_from_slice(taken);
+    Some(rest)
+}

@@ -1,0 +1,90 @@
+//! Trained models at many pairs of directions at once, in `f32`, on all lanes: what reports need.
+
+use glam::DVec3;
+use rayon::prelude::*;
+
+use super::gather::{Corners, Rows, gather_features, in_frame};
+use super::network::{Network, Shard};
+use super::product::padded;
+use super::result::network_of;
+use super::session::half_difference;
+use crate::scene::brdf::{CornerWeights, Encoding, NO_CODE, NeuBrdf, SphereTable};
+
+/// A NeuBRDF or an NBRDF, ready to be evaluated.
+pub struct Evaluator {
+    network: Network,
+    is_isotropic: bool,
+    form: Form,
+}
+
+enum Form {
+    NeuBrdf { tables: [SphereTable; 2], rows: [Vec<f32>; 2], corner_weights: CornerWeights, encoding: Encoding },
+    Nbrdf,
+}
+
+/// Rows that go through the network together.
+const ROWS: usize = 256;
+
+impl Evaluator {
+    /// Of a NeuBRDF.
+    pub fn neubrdf(brdf: &NeuBrdf) -> Evaluator {
+        let tables = [brdf.wi.clone(), brdf.wo.clone()];
+        let rows = tables.each_ref().map(|table| {
+            let features = table.features as usize;
+            let row = |index: &u16| {
+                // A point that is no corner has no code, and no one asks.
+                let code = if *index == NO_CODE { 0 } else { usize::from(*index) };
+                &table.codes[code * features..][..features]
+            };
+            table.indices.iter().flat_map(row).copied().collect()
+        });
+        let form = Form::NeuBrdf { tables, rows, corner_weights: brdf.corner_weights, encoding: brdf.encoding };
+        Evaluator { network: network_of(&brdf.layers), is_isotropic: brdf.is_isotropic, form }
+    }
+
+    /// Of the network of an NBRDF.
+    pub fn nbrdf(network: Network, is_isotropic: bool) -> Evaluator {
+        Evaluator { network, is_isotropic, form: Form::Nbrdf }
+    }
+
+    /// The BRDF in sr⁻¹, RGB, at each (ωo, ωi), which are above the surface.
+    pub fn eval(&self, pairs: &[[DVec3; 2]]) -> Vec<DVec3> {
+        let mut values = vec![DVec3::ZERO; pairs.len()];
+        values.par_chunks_mut(ROWS).zip(pairs.par_chunks(ROWS)).for_each(|(values, pairs)| {
+            let mut shard = Shard::new(&self.network, pairs.len());
+            let stride = padded(shard.width());
+            for (row, [wo, wi]) in shard.inputs().chunks_exact_mut(stride).zip(pairs) {
+                self.inputs(*wo, *wi, row);
+            }
+            self.network.forward(&mut shard);
+            let (outputs, _) = shard.outputs();
+            for (value, output) in values.iter_mut().zip(outputs.chunks_exact(padded(3))) {
+                *value = DVec3::from_slice(&output[..3].iter().map(|y| f64::from(*y)).collect::<Vec<_>>());
+                *value = self.decode(*value);
+            }
+        });
+        values
+    }
+
+    fn inputs(&self, wo: DVec3, wi: DVec3, row: &mut [f32]) {
+        match &self.form {
+            Form::Nbrdf => row[..6].copy_from_slice(&half_difference(wo, wi, self.is_isotropic)),
+            Form::NeuBrdf { tables, rows, corner_weights, .. } => {
+                let frame = in_frame(wo, wi, self.is_isotropic);
+                let sides = [0, 1];
+                let views = sides.map(|side| Rows { features: tables[side].features as usize, rows: &rows[side] });
+                gather_features(&views, &sides.map(|side| Corners::of(&tables[side], frame[side], *corner_weights)), row);
+            }
+        }
+    }
+
+    fn decode(&self, outputs: DVec3) -> DVec3 {
+        match &self.form {
+            Form::Nbrdf => outputs.map(|y| y.clamp(0.0, crate::material::NBRDF_LARGEST_OUTPUT).exp_m1()),
+            Form::NeuBrdf { encoding, .. } => {
+                let [gain, scale, max] = [encoding.gain, encoding.scale, encoding.max].map(f64::from);
+                outputs.map(|y| ((scale * y).exp_m1() / gain).clamp(0.0, max))
+            }
+        }
+    }
+}

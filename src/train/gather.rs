@@ -1,0 +1,58 @@
+//! Features of directions: weighted sums of those at grid points.
+
+use glam::DVec3;
+
+use crate::material::turned;
+use crate::scene::brdf::{CornerWeights, SphereTable};
+
+/// Grid points and their weights at a direction.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Corners {
+    /// The points.
+    pub points: [u32; 4],
+    /// Their weights.
+    pub weights: [f32; 4],
+}
+
+impl Corners {
+    /// What the features at `w` are made of.
+    pub fn of(table: &SphereTable, w: DVec3, corner_weights: CornerWeights) -> Corners {
+        let gathered = table.gather(w, corner_weights);
+        Corners { points: gathered.points, weights: gathered.weights.map(|weight| weight as f32) }
+    }
+}
+
+/// The features of all points of a hemisphere, points × F.
+#[derive(Clone, Copy)]
+pub struct Rows<'a> {
+    /// F.
+    pub features: usize,
+    /// The features.
+    pub rows: &'a [f32],
+}
+
+impl<'a> Rows<'a> {
+    fn row(&self, point: u32) -> &'a [f32] {
+        &self.rows[point as usize * self.features..][..self.features]
+    }
+}
+
+/// The features of ωi, then those of ωo, at the start of `out`.
+pub fn gather_features(tables: &[Rows], corners: &[Corners; 2], out: &mut [f32]) {
+    let mut rest = out;
+    for (table, at) in tables.iter().zip(corners) {
+        let (out, after) = rest.split_at_mut(table.features);
+        rest = after;
+        let [a, b, c, d] = at.points.map(|point| table.row(point));
+        let [p, q, r, s] = at.weights;
+        for (f, out) in out.iter_mut().enumerate() {
+            *out = p * a[f] + q * b[f] + r * c[f] + s * d[f];
+        }
+    }
+}
+
+/// ωi and ωo as a NeuBRDF sees them.
+pub fn in_frame(wo: DVec3, wi: DVec3, is_isotropic: bool) -> [DVec3; 2] {
+    let [wo, wi] = if is_isotropic { turned(wo, wi) } else { [wo, wi] };
+    [wi, wo]
+}

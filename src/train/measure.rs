@@ -1,0 +1,180 @@
+//! How far a fit is from its ground truth.
+
+use std::f64::consts::{FRAC_PI_2, PI, TAU};
+
+use glam::DVec3;
+
+use serde::Serialize;
+
+use super::ball::Ball;
+use super::pairs::draw;
+use super::random::Random;
+
+/// A BRDF at many (ωo, ωi) at once.
+pub type Eval<'a> = &'a (dyn Fn(&[[DVec3; 2]]) -> Vec<DVec3> + Sync);
+
+/// All that a fit is judged by.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct FitErrors {
+    /// Over random pairs of directions.
+    pub pairs: PairErrors,
+    /// Of a rendered ball.
+    pub ball: BallErrors,
+    /// Directional albedo at some ωo.
+    pub albedo: Vec<AlbedoError>,
+    /// The worst of those, |relative error|.
+    pub worst_albedo: f64,
+}
+
+/// A fit, its ground truth, and a ball of each.
+pub struct Comparison {
+    /// The figures.
+    pub errors: FitErrors,
+    /// The fit's ball.
+    pub fit: Ball,
+    /// The ground truth's ball.
+    pub truth: Ball,
+}
+
+/// Errors over pairs drawn as those for training are.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct PairErrors {
+    /// Mean of |Δ ln(1 + f)|.
+    pub log: f64,
+    /// Root mean square of Δ(f cos θi) over that of f cos θi.
+    pub relative_rmse: f64,
+    /// [θh in degrees, mean of |Δ ln(1 + f)|].
+    pub log_by_half_angle: Vec<[f64; 2]>,
+    /// [θo in degrees, mean of |Δ ln(1 + f)|].
+    pub log_by_view_angle: Vec<[f64; 2]>,
+}
+
+/// Differences of two balls as they are shown, see [`Ball`].
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+pub struct BallErrors {
+    /// Structural similarity.
+    pub ssim: f64,
+    /// Mean ꟻLIP error.
+    pub flip: f64,
+    /// Peak signal-to-noise ratio, dB.
+    pub psnr: f64,
+}
+
+/// The directional albedo at one ωo, mean over channels.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct AlbedoError {
+    /// θo, degrees.
+    pub theta: f64,
+    /// φo, degrees.
+    pub phi: f64,
+    /// Of the ground truth.
+    pub truth: f64,
+    /// Of the fit.
+    pub fit: f64,
+}
+
+impl AlbedoError {
+    /// (fit − truth) / truth.
+    pub fn relative(&self) -> f64 {
+        (self.fit - self.truth) / self.truth.max(1e-300)
+    }
+}
+
+/// Bins of errors by angle, 3° each.
+const BINS: usize = 30;
+/// Pairs of the comparison.
+const PAIRS: usize = 1 << 16;
+/// Not a seed of any training that a user is likely to ask for.
+const SEED: u64 = 0x6a09_e667_f3bc_c908;
+/// θo at which albedos are compared, degrees.
+const THETAS: [f64; 6] = [0.0, 15.0, 30.0, 45.0, 60.0, 75.0];
+/// Points that an albedo is integrated over.
+const ALBEDO_POINTS: usize = 8192;
+
+/// Compares a fit with its ground truth; balls are `size` pixels to a side.
+pub fn compare(size: usize, is_isotropic: bool, fit: Eval, truth: Eval) -> Comparison {
+    let phis: &[f64] = if is_isotropic { &[0.0] } else { &[0.0, 45.0, 90.0] };
+    let albedo: Vec<AlbedoError> = THETAS
+        .iter()
+        .flat_map(|theta| phis.iter().map(move |phi| (*theta, *phi)))
+        .map(|(theta, phi)| {
+            let ((sin, cos), (y, x)) = (f64::to_radians(theta).sin_cos(), f64::to_radians(phi).sin_cos());
+            let wo = DVec3::new(sin * x, sin * y, cos);
+            let of = |eval: Eval| directional_albedo(wo, ALBEDO_POINTS, eval).element_sum() / 3.0;
+            AlbedoError { theta, phi, truth: of(truth), fit: of(fit) }
+        })
+        .collect();
+    let [fit_ball, truth_ball] = [fit, truth].map(|eval| Ball::render(size, eval));
+    let errors = FitErrors {
+        pairs: pair_errors(PAIRS, SEED, fit, truth),
+        ball: BallErrors {
+            ssim: fit_ball.ssim(&truth_ball),
+            flip: fit_ball.flip(&truth_ball),
+            psnr: fit_ball.psnr(&truth_ball),
+        },
+        worst_albedo: albedo.iter().map(|albedo| albedo.relative().abs()).fold(0.0, f64::max),
+        albedo,
+    };
+    Comparison { errors, fit: fit_ball, truth: truth_ball }
+}
+
+/// Compares at `count` random pairs.
+pub fn pair_errors(count: usize, seed: u64, fit: Eval, truth: Eval) -> PairErrors {
+    let mut random = Random::new(seed, 0);
+    let pairs: Vec<[DVec3; 2]> = (0..count).map(|_| draw(&mut random)).map(|(wo, wi)| [wo, wi]).collect();
+    let (mut log, mut square, mut norm) = (0.0, 0.0, 0.0);
+    let mut bins = [[[0.0; 2]; BINS]; 2];
+    for ((fit, truth), [wo, wi]) in fit(&pairs).into_iter().zip(truth(&pairs)).zip(&pairs) {
+        let here = (0..3).map(|channel| (fit[channel].ln_1p() - truth[channel].ln_1p()).abs()).sum::<f64>() / 3.0;
+        log += here / count as f64;
+        square += ((fit - truth) * wi.z).length_squared();
+        norm += (truth * wi.z).length_squared();
+        for (bins, cosine) in bins.iter_mut().zip([(*wo + *wi).normalize().z, wo.z]) {
+            let bin = (cosine.clamp(0.0, 1.0).acos() / FRAC_PI_2 * BINS as f64) as usize;
+            let [sum, count] = &mut bins[bin.min(BINS - 1)];
+            *sum += here;
+            *count += 1.0;
+        }
+    }
+    let [log_by_half_angle, log_by_view_angle] = bins.map(|bins| {
+        let middle = |bin: usize| (bin as f64 + 0.5) * 90.0 / BINS as f64;
+        bins.iter().enumerate().filter(|(_, [_, count])| *count > 0.0).map(|(bin, [sum, count])| [middle(bin), sum / count]).collect()
+    });
+    PairErrors { log, relative_rmse: (square / norm.max(1e-300)).sqrt(), log_by_half_angle, log_by_view_angle }
+}
+
+/// Directional albedo, ∫ f(ωo, ωi) cos θi dωi, RGB, by `count` points that crowd where lobes are. Exact enough to compare two
+/// BRDFs, as both are seen at the same points.
+pub fn directional_albedo(wo: DVec3, count: usize, eval: Eval) -> DVec3 {
+    let mut directions = Vec::with_capacity(count);
+    let mut weights = Vec::with_capacity(count);
+    for i in 0..count {
+        // A Kronecker sequence of the plastic number and its kin (Roberts 2018).
+        let at = |step: f64| (0.5 + step * (i as f64 + 1.0)).fract();
+        let [u, v, choice] = [at(0.819_172_513_396_164_4), at(0.671_043_606_703_789_2), at(0.549_700_477_901_960_6)];
+        let phi = TAU * v;
+        let polar = |theta: f64| DVec3::new(theta.sin() * phi.cos(), theta.sin() * phi.sin(), theta.cos());
+        let wi = match choice {
+            ..0.4 => polar(u.sqrt().asin()),
+            ..0.7 => mirrored(wo, polar(FRAC_PI_2 * u.powi(2))),
+            _ => mirrored(wo, polar(FRAC_PI_2 * u.powi(4))),
+        };
+        if wi.z <= 0.0 {
+            continue;
+        }
+        let half = (wo + wi).normalize();
+        let theta = half.z.clamp(-1.0, 1.0).acos().max(1e-9);
+        let crowded = |power: f64| {
+            let by_theta = (theta / FRAC_PI_2).powf(1.0 / power - 1.0) / (power * FRAC_PI_2);
+            by_theta / (TAU * theta.sin()) / (4.0 * wo.dot(half))
+        };
+        let density = 0.4 * wi.z / PI + 0.3 * crowded(2.0) + 0.3 * crowded(4.0);
+        directions.push([wo, wi]);
+        weights.push(wi.z / density / count as f64);
+    }
+    eval(&directions).into_iter().zip(weights).map(|(value, weight)| value * weight).sum()
+}
+
+fn mirrored(wo: DVec3, half: DVec3) -> DVec3 {
+    2.0 * wo.dot(half) * half - wo
+}

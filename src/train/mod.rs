@@ -1,0 +1,79 @@
+//! Fits neural BRDFs to a ground truth, on the CPU, with all cores and their vector units.
+//!
+//! A [`Plan`] says what is done, a [`Session`] does it step by step and gives the model at any time. How good that is, [`measure`]
+//! and [`ball`] tell. A plan and a ground truth give the same bits again on the same machine, whatever its load, and whether or
+//! not the session was stopped and resumed in between.
+
+mod adam;
+pub mod ball;
+pub mod check;
+mod checkpoint;
+mod evaluator;
+mod gather;
+pub mod measure;
+mod network;
+mod pairs;
+mod plan;
+pub mod plot;
+mod product;
+mod prune;
+mod random;
+mod report;
+mod result;
+mod session;
+mod table;
+mod trainer;
+mod vector;
+
+use std::path::PathBuf;
+
+pub use evaluator::Evaluator;
+pub use pairs::{GroundTruth, Pair};
+pub use plan::{Model, Plan, Quality, Recipe};
+pub use report::Report;
+pub use session::Session;
+
+/// Why a training cannot be done.
+#[derive(Debug, thiserror::Error)]
+pub enum Error {
+    /// A number of the plan is out of range.
+    #[error("{name}: found {found}, expected {expected}")]
+    Plan {
+        /// The option that sets it.
+        name: &'static str,
+        /// What it is.
+        found: String,
+        /// What it may be.
+        expected: &'static str,
+    },
+    /// There are no pairs.
+    #[error("there is nothing to learn from: no samples")]
+    Empty,
+    /// The system refused a checkpoint.
+    #[error("{}: {source}", path.display())]
+    CheckpointFile {
+        /// The file.
+        path: PathBuf,
+        /// The system's reason.
+        source: std::io::Error,
+    },
+    /// The file is no checkpoint.
+    #[error("{}: not a checkpoint of a training: {reason}", path.display())]
+    CheckpointFormat {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong.
+        reason: &'static str,
+    },
+    /// The checkpoint is that of another training.
+    #[error("{}: the checkpoint is of another training: {what} differs", path.display())]
+    CheckpointMismatch {
+        /// The file.
+        path: PathBuf,
+        /// What differs.
+        what: &'static str,
+    },
+    /// A file could not be written.
+    #[error(transparent)]
+    Image(#[from] crate::image::Error),
+}

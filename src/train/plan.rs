@@ -1,0 +1,160 @@
+//! What a training does, in numbers: one plan gives one result.
+
+use serde::{Deserialize, Serialize};
+
+use super::Error;
+use crate::scene::brdf::{CornerWeights, SphereGrid};
+
+/// What is trained.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
+#[serde(rename_all = "lowercase")]
+pub enum Model {
+    /// Features on two hemispheres and a network.
+    NeuBrdf,
+    /// A network on half and difference vectors, 6 → 21 → 21 → 3 (Sztrajman et al. 2021): the baseline.
+    Nbrdf,
+}
+
+/// How a NeuBRDF is trained.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
+#[serde(rename_all = "lowercase")]
+pub enum Recipe {
+    /// What gave the least error for its bytes and time.
+    Default,
+    /// The paper's, to the letter; the encoding of the loss, which it leaves open, is the default's.
+    Paper,
+}
+
+/// How long.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
+#[serde(rename_all = "lowercase")]
+pub enum Quality {
+    /// A look at it.
+    Draft,
+    /// Less than a minute on two cores.
+    Default,
+    /// Several minutes.
+    Best,
+}
+
+/// What an index of 16 bits can name, besides nothing.
+const MOST_CODES: usize = (u16::MAX - 1) as usize;
+
+/// All that a training depends on, besides the ground truth.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Plan {
+    /// What is trained.
+    pub model: Model,
+    /// How.
+    pub recipe: Recipe,
+    /// N_side of the grids of ωi and ωo.
+    pub n_side: [u32; 2],
+    /// Features of a code, F.
+    pub features: usize,
+    /// Most codes of each hemisphere's codebook; more codes than points means that each point has its own.
+    pub codes: [usize; 2],
+    /// Neurons of each of the three hidden layers.
+    pub hidden: usize,
+    /// How many of them are left after pruning; as many as `hidden`: none is pruned.
+    pub pruned: usize,
+    /// How the corners of a pixel count.
+    pub corner_weights: CornerWeights,
+    /// Seed of all random numbers.
+    pub seed: u64,
+    /// Pairs that a function is asked for.
+    pub pairs: usize,
+    /// Pairs a step.
+    pub batch: usize,
+    /// Steps, those after pruning included.
+    pub steps: u32,
+    /// Learning rate of the network at the start.
+    pub network_rate: f32,
+    /// Learning rate of codes and points at the start.
+    pub table_rate: f32,
+}
+
+impl Plan {
+    /// The plan of a recipe at a quality.
+    pub fn new(model: Model, recipe: Recipe, quality: Quality, is_isotropic: bool) -> Plan {
+        // Anisotropic materials have all of both hemispheres to learn.
+        let more = if is_isotropic { 1 } else { 2 };
+        let (steps, batch, pairs) = match quality {
+            Quality::Draft => (4_000 * more, 512, 1 << 18),
+            Quality::Default => (32_000 * more, 1024, 1 << 20),
+            Quality::Best => (80_000 * more, 2048, 1 << 22),
+        };
+        let plan = Plan {
+            model,
+            recipe,
+            n_side: [16; 2],
+            features: if is_isotropic { 12 } else { 11 },
+            codes: [MOST_CODES; 2],
+            hidden: 64,
+            pruned: 64,
+            corner_weights: CornerWeights::Bilinear,
+            seed: 0,
+            pairs,
+            batch,
+            steps,
+            network_rate: 1e-2,
+            table_rate: 3e-2,
+        };
+        match recipe {
+            Recipe::Default => plan,
+            Recipe::Paper => Plan {
+                n_side: [64; 2],
+                features: 16,
+                codes: [256; 2],
+                hidden: 128,
+                corner_weights: CornerWeights::Uniform,
+                steps: steps / 8,
+                batch: 2048,
+                table_rate: 1e-2,
+                ..plan
+            },
+        }
+    }
+
+    /// Coarsens the grids, so that there are not more points than a few measurements can tell of.
+    pub fn for_samples(self, count: usize) -> Plan {
+        let n_side = (0..=4).map(|power| 1 << power).take_while(|n| 24 * n * n <= count as u32).last().unwrap_or(1);
+        Plan { n_side: self.n_side.map(|finest| finest.min(n_side)), ..self }
+    }
+
+    /// The grids of ωi and ωo.
+    pub(super) fn grids(&self) -> Result<[SphereGrid; 2], Error> {
+        let [Some(wi), Some(wo)] = self.n_side.map(SphereGrid::new) else {
+            let (name, found) = ("--n-side", format!("{:?}", self.n_side));
+            return Err(Error::Plan { name, found, expected: "powers of two, at most 128" });
+        };
+        Ok([wi, wo])
+    }
+
+    /// Errors if a number of the plan is beyond what the model or memory allow.
+    pub fn validate(&self) -> Result<(), Error> {
+        let check = |name: &'static str, is_fine: bool, found: String, expected: &'static str| match is_fine {
+            true => Ok(()),
+            false => Err(Error::Plan { name, found, expected }),
+        };
+        self.grids()?;
+        let between = |count: usize, least: usize, most: usize| (least..=most).contains(&count);
+        check("--features", between(self.features, 1, 32), self.features.to_string(), "1 to 32")?;
+        check("--hidden", between(self.hidden, 4, 128), self.hidden.to_string(), "4 to 128")?;
+        check("pruned width", between(self.pruned, 4, self.hidden), self.pruned.to_string(), "4 to the width before")?;
+        check(
+            "--codes",
+            self.codes.iter().all(|codes| between(*codes, 2, MOST_CODES)),
+            format!("{:?}", self.codes),
+            "2 to 65534",
+        )?;
+        let batch = self.batch;
+        check("--batch", between(batch, 256, 1 << 16) && batch.is_multiple_of(256), batch.to_string(), "a multiple of 256, at most 65536")?;
+        check("--steps", between(self.steps as usize, 1, 10_000_000), self.steps.to_string(), "1 to 10000000")?;
+        check("--pairs", between(self.pairs, batch, 1 << 23), self.pairs.to_string(), "a batch to 8388608")?;
+        for (name, rate) in [("learning rate", self.network_rate), ("learning rate", self.table_rate)] {
+            check(name, rate > 0.0 && rate <= 1.0, rate.to_string(), "above 0, at most 1")?;
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,154 @@
+//! What a training came to, as JSON and as one page that needs nothing beside it.
+
+use std::fmt::Write;
+use std::io::Write as _;
+use std::path::Path;
+
+use serde::Serialize;
+use serde_json::json;
+
+use super::measure::{Comparison, Eval, FitErrors};
+use super::plot;
+use super::{Error, Plan};
+use crate::image::atomic_write;
+
+/// What a training came to.
+#[derive(Clone, Debug, Serialize)]
+pub struct Report {
+    /// What was learned.
+    pub source: String,
+    /// How.
+    pub plan: Plan,
+    /// Steps that were done.
+    pub steps: u32,
+    /// The loss at the end.
+    pub loss: f64,
+    /// Seconds that training took, on the clock.
+    pub seconds: f64,
+    /// Size of the file.
+    pub bytes: usize,
+    /// How far the file's model is from the ground truth.
+    pub errors: FitErrors,
+}
+
+impl Report {
+    /// Writes the JSON.
+    pub fn write_json(&self, path: &Path) -> Result<(), Error> {
+        write_text(path, &format!("{:#}\n", json!(self)))
+    }
+
+    /// Writes the page. `fit` and `truth` are drawn as lobes.
+    pub fn write_html(&self, path: &Path, comparison: &Comparison, gain: f64, fit: Eval, truth: Eval) -> Result<(), Error> {
+        write_text(path, &self.html(path, comparison, gain, fit, truth)?)
+    }
+
+    fn html(&self, path: &Path, comparison: &Comparison, gain: f64, fit: Eval, truth: Eval) -> Result<String, Error> {
+        let FitErrors { pairs, ball, albedo, worst_albedo } = &self.errors;
+        let mut page = String::from(STYLE);
+        let _ = writeln!(page, "<title>{0}</title><h1>{0}</h1>", escape(&self.source));
+        let plan = &self.plan;
+        let [n_wi, n_wo] = plan.n_side;
+        let _ = writeln!(
+            page,
+            "<p>{:?}, recipe {:?}: N_side {n_wi} (ωi) and {n_wo} (ωo), F {}, hidden {}, {:?} weights; {} steps of {} pairs, seed {}.</p>",
+            plan.model, plan.recipe, plan.features, plan.pruned, plan.corner_weights, self.steps, plan.batch, plan.seed
+        );
+        page.push_str("<table>\n");
+        for (name, value) in [
+            ("SSIM of the ball", format!("{:.4}", ball.ssim)),
+            ("ꟻLIP of the ball", format!("{:.4}", ball.flip)),
+            ("PSNR of the ball", format!("{:.1} dB", ball.psnr)),
+            ("mean |Δ ln(1 + f)|", format!("{:.5}", pairs.log)),
+            ("relative RMSE of f cos θ", format!("{:.4}", pairs.relative_rmse)),
+            ("worst directional albedo", format!("{:.2} %", 100.0 * worst_albedo)),
+            ("file", format!("{} bytes", self.bytes)),
+            ("training", format!("{:.1} s, loss {:.5}", self.seconds, self.loss)),
+        ] {
+            let _ = writeln!(page, "<tr><th>{name}</th><td>{value}</td></tr>");
+        }
+        page.push_str("</table>\n<h2>A ball under small lights</h2>\n<div class=row>");
+        let [truth_ball, fit_ball] = [&comparison.truth, &comparison.fit];
+        let size = fit_ball.size;
+        let (a, b) = (fit_ball.srgb(), truth_ball.srgb());
+        let difference: Vec<u8> = a.iter().zip(&b).map(|(a, b)| a.abs_diff(*b).saturating_mul(8)).collect();
+        for (name, pixels) in [("ground truth", b), ("fit", a), ("difference × 8", difference)] {
+            let _ = writeln!(
+                page,
+                "<figure><img width={0} height={0} alt=\"{name}\" src=\"data:image/png;base64,{1}\"><figcaption>{name}</figcaption></figure>",
+                2 * size,
+                base64(&png(path, size as u32, &pixels)?)
+            );
+        }
+        let _ = writeln!(
+            page,
+            "</div>\n<h2>Lobes in the plane of incidence</h2>\n<p>ln(1 + {gain:.0} f cos θo); solid: fit, dashed: ground truth.</p>\n{}",
+            plot::polar(gain, &[fit, truth])
+        );
+        let name = "mean |Δ ln(1 + f)|";
+        let _ = writeln!(page, "<h2>Errors by angle</h2>\n{}", plot::line("θh, degrees", name, &pairs.log_by_half_angle));
+        page.push_str(&plot::line("θo, degrees", name, &pairs.log_by_view_angle));
+        page.push_str("<h2>Directional albedo</h2>\n<table><tr><th>θo</th><th>φo</th><th>ground truth</th><th>fit</th><th>error</th></tr>\n");
+        for at in albedo {
+            let _ = writeln!(
+                page,
+                "<tr><td>{:.0}°</td><td>{:.0}°</td><td>{:.4}</td><td>{:.4}</td><td>{:+.2} %</td></tr>",
+                at.theta,
+                at.phi,
+                at.truth,
+                at.fit,
+                100.0 * at.relative()
+            );
+        }
+        Ok(page + "</table>\n")
+    }
+}
+
+const STYLE: &str = "<!doctype html><meta charset=utf-8>
+<style>body{font:15px/1.5 sans-serif;max-width:60em;margin:2em auto;padding:0 1em}
+table{border-collapse:collapse}th,td{text-align:left;padding:.2em 1em .2em 0;border-bottom:1px solid #ddd}
+.row{display:flex;flex-wrap:wrap;gap:1em}figure{margin:0}svg{max-width:40em;display:block}</style>
+";
+
+fn write_text(path: &Path, text: &str) -> Result<(), Error> {
+    let io_error = |source| crate::image::Error::Io { path: path.to_owned(), source };
+    Ok(atomic_write(path, |file| file.write_all(text.as_bytes()).map_err(io_error))?)
+}
+
+fn png(path: &Path, size: u32, pixels: &[u8]) -> Result<Vec<u8>, Error> {
+    use ::image::{ExtendedColorType, ImageEncoder, codecs::png::PngEncoder};
+    let mut bytes = Vec::new();
+    PngEncoder::new(&mut bytes)
+        .write_image(pixels, size, size, ExtendedColorType::Rgb8)
+        .map_err(|error| crate::image::Error::Encode { path: path.to_owned(), reason: error.to_string() })?;
+    Ok(bytes)
+}
+
+fn escape(text: &str) -> String {
+    text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;")
+}
+
+/// RFC 4648.
+fn base64(bytes: &[u8]) -> String {
+    const DIGITS: &[u8; 64] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
+    let mut text = String::with_capacity(bytes.len().div_ceil(3) * 4);
+    for chunk in bytes.chunks(3) {
+        let bits = chunk.iter().fold(0u32, |bits, byte| bits << 8 | u32::from(*byte)) << (8 * (3 - chunk.len()));
+        for digit in 0..4 {
+            let index = (bits >> (18 - 6 * digit)) as usize & 63;
+            text.push(if digit <= chunk.len() { char::from(DIGITS[index]) } else { '=' });
+        }
+    }
+    text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn base64_is_that_of_the_rfc() {
+        for (bytes, text) in [("", ""), ("f", "Zg=="), ("fo", "Zm8="), ("foo", "Zm9v"), ("foobar", "Zm9vYmFy")] {
+            assert_eq!(base64(bytes.as_bytes()), text);
+        }
+    }
+}

@@ -1,0 +1,85 @@
+//! From what was trained to what is stored.
+
+use super::network::Network;
+use super::table::Table;
+use crate::scene::brdf::{Dense, NO_CODE, Nbrdf, SphereGrid, SphereTable};
+
+/// The layers as files hold them.
+pub fn layers(network: &Network) -> Vec<Dense> {
+    let layer = |shape: &super::network::Shape| Dense {
+        inputs: shape.inputs as u32,
+        outputs: shape.outputs as u32,
+        weights: (0..shape.outputs)
+            .flat_map(|output| (0..shape.inputs).map(move |input| network.parameters[shape.weight(output, input)]))
+            .collect(),
+        bias: (0..shape.outputs).map(|output| network.parameters[shape.bias(output)]).collect(),
+    };
+    network.shapes.iter().map(layer).collect()
+}
+
+/// The opposite of [`layers`].
+pub fn network_of(layers: &[Dense]) -> Network {
+    let widths: Vec<usize> =
+        layers.iter().map(|layer| layer.inputs).chain(layers.last().map(|layer| layer.outputs)).map(|width| width as usize).collect();
+    let mut network = Network::zeros(&widths);
+    for (layer, shape) in layers.iter().zip(network.shapes.clone()) {
+        for (output, (row, bias)) in layer.weights.chunks_exact(shape.inputs).zip(&layer.bias).enumerate() {
+            network.parameters[shape.bias(output)] = *bias;
+            for (input, weight) in row.iter().enumerate() {
+                network.parameters[shape.weight(output, input)] = *weight;
+            }
+        }
+    }
+    network
+}
+
+/// A table as files hold it: pixels that no pair lies in merged (`seen` tells the others), codes that no point names left out.
+pub fn sphere_table(table: &Table, grid: SphereGrid, seen: &[bool]) -> SphereTable {
+    let features = table.features;
+    let mut result = whole_table(grid);
+    // Codes that points of their own name may be more than files can number; after pruning few are left.
+    result.features = features as u32;
+    let kept = kept_points(grid, seen);
+    let mut number = vec![None; table.codes.len() / features];
+    let mut codes = Vec::new();
+    for (point, index) in result.indices.iter_mut().enumerate().filter(|(point, _)| kept[*point]) {
+        let code = table.indices[point] as usize;
+        let next = codes.len() / features;
+        *index = *number[code].get_or_insert_with(|| {
+            codes.extend(&table.codes[code * features..][..features]);
+            next.min(usize::from(NO_CODE) - 1) as u16
+        });
+    }
+    result.codes = codes;
+    result.prune(|pixel| seen[pixel as usize]);
+    result
+}
+
+/// The corners of pixels that pairs lie in.
+fn kept_points(grid: SphereGrid, seen: &[bool]) -> Vec<bool> {
+    let mut kept = vec![false; grid.point_count()];
+    for (_, corners) in grid.pixels().filter(|(pixel, _)| seen[*pixel as usize]) {
+        corners.into_iter().for_each(|corner| kept[corner as usize] = true);
+    }
+    kept
+}
+
+/// A grid in which each point counts, before it has codes.
+pub fn whole_table(grid: SphereGrid) -> SphereTable {
+    SphereTable { grid, features: 1, codes: Vec::new(), indices: vec![0; grid.point_count()], levels: Vec::new() }
+}
+
+/// The network of an NBRDF, if it is one.
+pub fn nbrdf(network: &Network) -> Option<Nbrdf> {
+    let [first, second, third] = network.shapes.as_slice() else { return None };
+    let weights = &network.parameters;
+    let is_nbrdf = network.widths() == [Nbrdf::INPUTS, Nbrdf::HIDDEN, Nbrdf::HIDDEN, 3];
+    is_nbrdf.then(|| Nbrdf {
+        kernel_1: std::array::from_fn(|i| std::array::from_fn(|o| weights[first.weight(o, i)])),
+        bias_1: std::array::from_fn(|o| weights[first.bias(o)]),
+        kernel_2: std::array::from_fn(|i| std::array::from_fn(|o| weights[second.weight(o, i)])),
+        bias_2: std::array::from_fn(|o| weights[second.bias(o)]),
+        kernel_3: std::array::from_fn(|i| std::array::from_fn(|o| weights[third.weight(o, i)])),
+        bias_3: std::array::from_fn(|o| weights[third.bias(o)]),
+    })
+}

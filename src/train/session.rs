@@ -1,0 +1,329 @@
+//! A training from its first step to its last.
+
+use std::f32::consts::PI;
+
+use glam::DVec3;
+use rayon::prelude::*;
+
+use super::{Error, Evaluator};
+use super::gather::{Corners, in_frame};
+use super::network::Network;
+use super::pairs::{GroundTruth, Pair};
+use super::plan::{Model, Plan, Recipe};
+use super::prune::prune_neurons;
+use super::random::Random;
+use super::result::{layers, nbrdf, sphere_table, whole_table};
+use super::table::{Quantiser, Table};
+use super::trainer::{Head, Inputs, Loss, Pool, Rates, Trainer};
+use crate::material::HalfDifference;
+use crate::scene::brdf::{Encoding, Nbrdf, NeuBrdf, Provenance, SphereGrid};
+
+/// Share of the steps after which points are given codes: the features have settled, and the rest of the steps fits codes.
+const QUANTISE_AT: f32 = 0.4;
+
+/// Share of the paper's steps after which neurons are pruned and all but the network is frozen.
+const PRUNE_AT: f32 = 0.75;
+
+/// Learning rate of the pruned network at the start.
+const PRUNED_RATE: f32 = 1e-3;
+
+/// Steps over which the rates rise from 0.
+const WARM_UP: f32 = 100.0;
+
+/// Of the encoding y = ln(1 + gain · f) / scale.
+const SCALE: f32 = 2.0;
+/// Bounds of its gain.
+const LEAST_GAIN: f32 = 100.0;
+const MOST_GAIN: f32 = 1e5;
+
+/// Pull of the weights to 0 in the paper's recipe, which gives no figure; the loss is about 0.01.
+const SPARSITY: f32 = 1e-6;
+
+/// Random streams of a seed; pairs take those from 0, epochs their own seed.
+const START: u64 = 1 << 40;
+const QUANTISE: u64 = 2 << 40;
+
+/// A model while it is trained, and all that continuing takes.
+pub struct Session {
+    /// What is done.
+    pub plan: Plan,
+    /// The model.
+    pub(super) trainer: Trainer,
+    is_isotropic: bool,
+    encoding: Encoding,
+    grids: [SphereGrid; 2],
+    /// Points of each hemisphere that the pairs need.
+    used: [Vec<bool>; 2],
+    /// Pixels of each hemisphere that pairs lie in.
+    seen: [Vec<bool>; 2],
+    pub(super) loss: f64,
+    /// Where winding down began and where it ends, in steps.
+    end: Option<[u32; 2]>,
+}
+
+impl Session {
+    /// Asks the ground truth for its pairs and makes a model that knows nothing yet.
+    ///
+    /// # Errors
+    /// The plan is beyond what is possible, or there is nothing to learn from.
+    pub fn new(plan: Plan, truth: &GroundTruth) -> Result<Session, Error> {
+        plan.validate()?;
+        let pairs = truth.pairs(plan.pairs, plan.seed);
+        let is_isotropic = truth.is_isotropic();
+        let grids = plan.grids()?;
+        let encoding = encoding(&pairs).ok_or(Error::Empty)?;
+        // Shards take whole blocks: few samples are taken several times over.
+        let count = pairs.len().max(plan.batch).next_multiple_of(plan.batch);
+        let pairs: Vec<Pair> = pairs.iter().copied().cycle().take(count).collect();
+
+        let [mut used, mut seen] = [grids.map(|grid| vec![false; grid.point_count()]), grids.map(|grid| vec![false; grid.pixel_count()])];
+        let inputs = match plan.model {
+            Model::Nbrdf => direct_inputs(&pairs, is_isotropic),
+            Model::NeuBrdf => corner_inputs(&plan, grids, is_isotropic, &pairs, &mut used, &mut seen),
+        };
+        let pool = Pool { targets: pairs.iter().map(|pair| target(pair, encoding)).collect(), inputs };
+        let (network, tables, head) = start(&plan, grids, encoding);
+        let trainer = Trainer::new(network, tables, head, pool, plan.seed);
+        Ok(Session { plan, trainer, is_isotropic, encoding, grids, used, seen, loss: f64::NAN, end: None })
+    }
+
+    /// Whether all steps are done.
+    pub fn is_done(&self) -> bool {
+        self.trainer.step >= self.end.map_or(self.plan.steps, |[_, end]| end)
+    }
+
+    /// Steps done.
+    pub fn steps(&self) -> u32 {
+        self.trainer.step
+    }
+
+    /// Gain of the encoding that the loss is taken in.
+    pub fn gain(&self) -> f64 {
+        self.encoding.gain.into()
+    }
+
+    /// The loss of the last steps, averaged.
+    pub fn loss(&self) -> f64 {
+        self.loss
+    }
+
+    /// Takes a step.
+    pub fn step(&mut self) {
+        self.change_phase();
+        let rates = self.rates();
+        let loss = self.trainer.train(self.plan.batch, rates);
+        self.loss = if self.loss.is_finite() { self.loss + 0.01 * (loss - self.loss) } else { loss };
+    }
+
+    /// What happens once, between two steps.
+    fn change_phase(&mut self) {
+        match self.plan.recipe {
+            _ if self.plan.model == Model::Nbrdf => {}
+            Recipe::Default if self.trainer.step == self.step_at(QUANTISE_AT) => self.quantise(),
+            Recipe::Paper if self.trainer.step == self.step_at(PRUNE_AT) && self.plan.pruned < self.plan.hidden => {
+                self.trainer.replace_network(prune_neurons(&self.trainer.network, self.plan.pruned));
+            }
+            _ => {}
+        }
+    }
+
+    /// Gives points codes, unless they have them or there are enough for each to have its own.
+    fn quantise(&mut self) {
+        if self.plan.recipe != Recipe::Default {
+            return;
+        }
+        let mut random = Random::new(self.plan.seed, QUANTISE);
+        for ((table, used), codes) in self.trainer.tables.iter_mut().zip(&self.used).zip(self.plan.codes) {
+            if table.quantiser == Quantiser::Free {
+                table.quantise(codes, used, &mut random);
+            }
+        }
+    }
+
+    fn step_at(&self, share: f32) -> u32 {
+        (share * self.plan.steps as f32) as u32
+    }
+
+    fn rates(&self) -> Rates {
+        let Plan { recipe, network_rate, table_rate, steps, .. } = self.plan;
+        let at = self.trainer.step as f32 / steps as f32;
+        let warm = ((self.trainer.step as f32 + 1.0) / WARM_UP).min(1.0);
+        if recipe != Recipe::Paper {
+            let mut falling = 0.5 * (1.0 + (PI * at).cos()) * warm;
+            if let Some([start, end]) = self.end {
+                let start_rate = 0.5 * (1.0 + (PI * start as f32 / steps as f32).cos());
+                falling = start_rate * (end - self.trainer.step) as f32 / (end - start).max(1) as f32;
+            }
+            return Rates {
+                network: network_rate * falling,
+                tables: table_rate * falling,
+                temperature: 1.0,
+                loss: Loss::Divergence { scale: self.encoding.scale },
+                sparsity: 0.0,
+            };
+        }
+        let multi_step = |at: f32| match at {
+            ..0.5 => 1.0,
+            ..0.75 => 0.33,
+            ..0.9 => 0.1,
+            _ => 0.03,
+        };
+        let joint = at / PRUNE_AT;
+        if joint < 1.0 {
+            let falling = multi_step(joint) * warm;
+            Rates {
+                network: network_rate * falling,
+                tables: table_rate * falling,
+                temperature: 1.0 - 0.5 * joint,
+                loss: Loss::Absolute,
+                sparsity: SPARSITY,
+            }
+        } else {
+            let falling = multi_step((at - PRUNE_AT) / (1.0 - PRUNE_AT));
+            Rates { network: PRUNED_RATE * falling, tables: 0.0, temperature: 0.5, loss: Loss::Absolute, sparsity: 0.0 }
+        }
+    }
+
+    /// Ends soon: the rates fall to 0 within a twentieth of the planned steps, so that an interrupted training ends as one that
+    /// was planned shorter.
+    pub fn wind_down(&mut self) {
+        let start = self.trainer.step;
+        if self.end.is_none() {
+            self.quantise();
+            self.end = Some([start, self.plan.steps.min(start + self.plan.steps.div_ceil(20))]);
+        }
+    }
+
+    /// Gives the model the sizes that it has somewhere on the way; `None` if it never has.
+    pub(super) fn shape(&mut self, widths: &[usize], codes: &[Option<usize>]) -> Option<()> {
+        let Plan { features, pruned, .. } = self.plan;
+        if widths != self.trainer.network.widths() {
+            if self.plan.recipe != Recipe::Paper || widths != [2 * features, pruned, pruned, pruned, 3] {
+                return None;
+            }
+            self.trainer.replace_network(Network::zeros(widths));
+        }
+        if codes.len() != self.trainer.tables.len() {
+            return None;
+        }
+        for ((table, codes), most) in self.trainer.tables.iter_mut().zip(codes).zip(self.plan.codes) {
+            if let Some(codes) = *codes {
+                if self.plan.recipe != Recipe::Default || codes != most {
+                    return None;
+                }
+                table.start_nearest(codes);
+            }
+        }
+        Some(())
+    }
+
+    /// The NeuBRDF as it is now; `None` if it is none.
+    pub fn neubrdf(&self) -> Option<NeuBrdf> {
+        let Trainer { network, tables, .. } = &self.trainer;
+        let [wi, wo] = tables.as_slice() else { return None };
+        Some(NeuBrdf {
+            is_isotropic: self.is_isotropic,
+            corner_weights: self.plan.corner_weights,
+            wi: sphere_table(wi, self.grids[0], &self.seen[0]),
+            wo: sphere_table(wo, self.grids[1], &self.seen[1]),
+            layers: layers(network),
+            encoding: self.encoding,
+            provenance: Provenance::default(),
+        })
+    }
+
+    /// The NBRDF as it is now; `None` if it is none, or not isotropic, which published ones are.
+    pub fn nbrdf(&self) -> Option<Nbrdf> {
+        (self.plan.model == Model::Nbrdf && self.is_isotropic).then(|| nbrdf(&self.trainer.network))?
+    }
+
+    /// The model as it is now, to be evaluated.
+    pub fn evaluator(&self) -> Evaluator {
+        match self.neubrdf() {
+            Some(brdf) => Evaluator::neubrdf(&brdf),
+            None => Evaluator::nbrdf(self.trainer.network.clone(), self.is_isotropic),
+        }
+    }
+}
+
+/// A network and tables before their first step.
+fn start(plan: &Plan, grids: [SphereGrid; 2], encoding: Encoding) -> (Network, Vec<Table>, Head) {
+    let random = &mut Random::new(plan.seed, START);
+    let Encoding { gain, scale, .. } = encoding;
+    let Plan { features, hidden, codes, .. } = *plan;
+    match plan.model {
+        Model::Nbrdf => (Network::random(&[6, 21, 21, 3], random), Vec::new(), Head::LogPlusOne { gain, scale }),
+        Model::NeuBrdf => {
+            let network = Network::random(&[2 * features, hidden, hidden, hidden, 3], random);
+            let tables = [0, 1].map(|side| {
+                let points = grids[side].point_count();
+                match plan.recipe {
+                    Recipe::Paper => Table::softmax(points, features, codes[side], random),
+                    Recipe::Default => Table::free(points, features, random),
+                }
+            });
+            (network, tables.into(), Head::Encoded)
+        }
+    }
+}
+
+/// Half and difference vectors; the azimuth of the half vector is left out where nothing depends on it.
+fn direct_inputs(pairs: &[Pair], is_isotropic: bool) -> Inputs {
+    let numbers = |pair: &Pair| half_difference(pair.wo.as_dvec3(), pair.wi.as_dvec3(), is_isotropic);
+    Inputs::Direct(pairs.par_iter().flat_map_iter(numbers).collect())
+}
+
+/// What an NBRDF sees of two directions.
+pub fn half_difference(wo: DVec3, wi: DVec3, is_isotropic: bool) -> [f32; 6] {
+    let HalfDifference { half, across, cosine } = HalfDifference::new(wo, wi);
+    let half = if is_isotropic { DVec3::new(half.truncate().length(), 0.0, half.z) } else { half };
+    [half.x, half.y, half.z, across.x, across.y, cosine].map(|x| x as f32)
+}
+
+/// Where the features of pairs come from; marks the points and pixels that they need.
+fn corner_inputs(
+    plan: &Plan,
+    grids: [SphereGrid; 2],
+    is_isotropic: bool,
+    pairs: &[Pair],
+    used: &mut [Vec<bool>; 2],
+    seen: &mut [Vec<bool>; 2],
+) -> Inputs {
+    let tables = grids.map(whole_table);
+    let located: Vec<([Corners; 2], [u32; 2])> = pairs
+        .par_iter()
+        .map(|pair| {
+            let frame = in_frame(pair.wo.as_dvec3(), pair.wi.as_dvec3(), is_isotropic);
+            let at = |side: usize| {
+                (Corners::of(&tables[side], frame[side], plan.corner_weights), grids[side].locate(frame[side]).pixel)
+            };
+            let [(wi, wi_pixel), (wo, wo_pixel)] = [at(0), at(1)];
+            ([wi, wo], [wi_pixel, wo_pixel])
+        })
+        .collect();
+    for (corners, pixels) in &located {
+        for side in 0..2 {
+            seen[side][pixels[side] as usize] = true;
+            for (point, weight) in corners[side].points.into_iter().zip(corners[side].weights) {
+                used[side][point as usize] |= weight > 0.0;
+            }
+        }
+    }
+    Inputs::Corners(located.into_iter().map(|(corners, _)| corners).collect())
+}
+
+/// The encoding that suits these values: its gain is so high that the darker fifth of them still counts.
+fn encoding(pairs: &[Pair]) -> Option<Encoding> {
+    let mut values: Vec<f32> = pairs.iter().map(|pair| pair.value.element_sum() / 3.0).collect();
+    let dark = values.len() / 5;
+    let (_, dark, _) = (!values.is_empty()).then(|| values.select_nth_unstable_by(dark, f32::total_cmp))?;
+    let gain = (1.0 / dark.max(1e-6)).clamp(LEAST_GAIN, MOST_GAIN);
+    let brightest = pairs.iter().map(|pair| pair.value.max_element()).fold(0.0, f32::max);
+    Some(Encoding { gain, scale: SCALE, max: (2.0 * brightest).max(1e-3) })
+}
+
+/// The encoded value of a pair, and its weight: bright ones count more, as they carry the energy; grazing ones less.
+fn target(pair: &Pair, encoding: Encoding) -> [f32; 4] {
+    let [r, g, b] = pair.value.to_array().map(|value| (encoding.gain * value).ln_1p() / encoding.scale);
+    [r, g, b, (1.0 + (r + g + b) / 3.0).powi(2) * pair.wi.z.sqrt()]
+}

@@ -1,0 +1,404 @@
+//! One step after the other: gather, forward, loss, backward, scatter, Adam.
+//!
+//! A batch is cut into the same shards whatever the number of threads, and their gradients are added in order: a seed gives the
+//! same bits again on the same machine.
+
+use rayon::prelude::*;
+
+use super::adam::Adam;
+use super::network::{Network, Shard};
+use super::product::padded;
+use super::random::Random;
+use super::gather::{Corners, Rows, gather_features};
+use super::table::{Quantiser, Table, TableStep};
+
+/// What the network sees of the pairs to learn from.
+pub enum Inputs {
+    /// Features gathered from the tables of ωi and ωo.
+    Corners(Vec<[Corners; 2]>),
+    /// Numbers as they are, pairs × width.
+    Direct(Vec<f32>),
+}
+
+/// The pairs to learn from as steps need them.
+pub struct Pool {
+    /// What goes in.
+    pub inputs: Inputs,
+    /// What should come out, and the weight of the pair in the loss.
+    pub targets: Vec<[f32; 4]>,
+}
+
+/// What the network's output stands for in the loss.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Head {
+    /// The target itself.
+    Encoded,
+    /// ln(1 + f) of the BRDF f, while the target is ln(1 + gain · f) / scale.
+    LogPlusOne {
+        /// Gain of the target.
+        gain: f32,
+        /// Scale of the target.
+        scale: f32,
+    },
+}
+
+/// What an error of the encoded value counts.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Loss {
+    /// Its size.
+    Absolute,
+    /// Itakura and Saito's divergence of x = 1 + gain · f from its fit x̂, x / x̂ − ln(x / x̂) − 1, over scale²; linear where x is more than
+    /// twice x̂. About half the square of the error, but least at the mean of f, not at that of its logarithm: lobes keep their
+    /// energy where they are not fitted exactly, and what a noisy ground truth says is right on average.
+    Divergence {
+        /// Scale of the encoding.
+        scale: f32,
+    },
+}
+
+/// Learning rates and the softness of a step.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Rates {
+    /// Of the network.
+    pub network: f32,
+    /// Of codes and points.
+    pub tables: f32,
+    /// Of softmax quantisers.
+    pub temperature: f32,
+    /// What is made small.
+    pub loss: Loss,
+    /// Pull of each weight to 0, the derivative of an L1 penalty.
+    pub sparsity: f32,
+}
+
+/// Rows of a shard.
+const SHARD: usize = 256;
+
+/// Pairs that stay together when the pool is shuffled, for the caches' sake.
+const BLOCK: usize = 64;
+
+/// A model while it is trained.
+pub struct Trainer {
+    /// The dense layers.
+    pub network: Network,
+    /// Their moments.
+    pub adam: Adam,
+    /// Features of ωi and ωo; empty for a network on direct inputs.
+    pub tables: Vec<Table>,
+    /// What outputs stand for.
+    pub head: Head,
+    /// Steps done.
+    pub step: u32,
+    /// Steps since the moments were last reset.
+    pub adam_step: u32,
+    seed: u64,
+    pool: Pool,
+    order: Vec<u32>,
+    epoch: u64,
+    transposed: Vec<f32>,
+    shards: Vec<Shard>,
+    scatters: Vec<Scatter>,
+    sum: Vec<f32>,
+}
+
+/// Gradient of a table's rows.
+struct Scatter {
+    gradient: Vec<f32>,
+    is_touched: Vec<bool>,
+    touched: Vec<u32>,
+}
+
+impl Trainer {
+    /// A model before its first step.
+    pub fn new(network: Network, tables: Vec<Table>, head: Head, pool: Pool, seed: u64) -> Trainer {
+        let scatters = tables
+            .iter()
+            .map(|table| Scatter {
+                gradient: vec![0.0; table.rows.len()],
+                is_touched: vec![false; table.point_count()],
+                touched: Vec::new(),
+            })
+            .collect();
+        Trainer {
+            adam: Adam::new(network.parameters.len()),
+            tables,
+            head,
+            step: 0,
+            adam_step: 0,
+            seed,
+            pool,
+            order: Vec::new(),
+            epoch: u64::MAX,
+            transposed: Vec::new(),
+            shards: Vec::new(),
+            scatters,
+            sum: Vec::new(),
+            network,
+        }
+    }
+
+    /// One step over `batch` pairs (a multiple of 256). Returns their mean loss.
+    pub fn train(&mut self, batch: usize, rates: Rates) -> f64 {
+        let shard_count = batch / SHARD;
+        let blocks = self.blocks(batch / BLOCK);
+        if self.shards.len() != shard_count || self.shards[0].gradient.len() != self.network.parameters.len() {
+            self.shards = vec![Shard::new(&self.network, SHARD); shard_count];
+        }
+        self.network.transpose(&mut self.transposed);
+        let Trainer { network, tables, head, pool, transposed, shards, .. } = self;
+        let scale = 1.0 / (3 * batch) as f32;
+        let rows: Vec<Rows> = tables.iter().map(|table| Rows { features: table.features, rows: &table.rows }).collect();
+        shards.par_iter_mut().zip(blocks.par_chunks(SHARD / BLOCK)).for_each(|(shard, blocks)| {
+            gather(pool, &rows, blocks, shard);
+            network.forward(shard);
+            loss(pool, *head, rates.loss, scale, blocks, shard);
+            shard.gradient.fill(0.0);
+            network.backward(transposed, shard);
+        });
+        self.step += 1;
+        self.adam_step += 1;
+        let step = self.adam_step;
+        let Trainer { network, adam, tables, pool, shards, scatters, sum, .. } = self;
+        let shards = &*shards;
+        let update_network = || {
+            sum.clear();
+            sum.extend(network.parameters.iter().map(|parameter| rates.sparsity * parameter.signum()));
+            for shard in shards {
+                sum.iter_mut().zip(&shard.gradient).for_each(|(sum, value)| *sum += value);
+            }
+            adam.step(0, &mut network.parameters, sum, rates.network, step);
+        };
+        let update_tables = || {
+            let Inputs::Corners(corners) = &pool.inputs else { return };
+            if rates.tables == 0.0 {
+                return;
+            }
+            let at = TableStep { step, rate: rates.tables, temperature: rates.temperature };
+            tables.par_iter_mut().zip(scatters).enumerate().for_each(|(side, (table, scatter))| {
+                scatter.add(table.features, side, corners, &blocks, shards);
+                table.step(&scatter.gradient, &scatter.touched, at);
+            });
+        };
+        rayon::join(update_network, update_tables);
+        shards.iter().map(|shard| shard.loss).sum::<f64>() / (3 * batch) as f64
+    }
+
+    /// Goes on with another network, of whose parameters nothing is known yet.
+    pub fn replace_network(&mut self, network: Network) {
+        self.adam = Adam::new(network.parameters.len());
+        self.network = network;
+        self.adam_step = 0;
+    }
+
+    /// All that changes from step to step, in one order.
+    pub fn state(&mut self) -> (Vec<&mut Vec<f32>>, Vec<&mut Vec<u32>>) {
+        let mut floats = vec![&mut self.network.parameters, &mut self.adam.first, &mut self.adam.second];
+        let mut indices = Vec::new();
+        for table in &mut self.tables {
+            floats.extend([&mut table.codes, &mut table.adam.first, &mut table.adam.second]);
+            match &mut table.quantiser {
+                Quantiser::Free => {}
+                Quantiser::Nearest { free: learned, adam } | Quantiser::Softmax { scores: learned, adam } => {
+                    floats.extend([learned, &mut adam.first, &mut adam.second]);
+                }
+            }
+            indices.push(&mut table.indices);
+        }
+        (floats, indices)
+    }
+
+    /// Gives points their features again after [`Trainer::state`] was written to; false if that named codes that are not there.
+    pub fn look_up(&mut self) -> bool {
+        self.tables.iter_mut().all(Table::look_up)
+    }
+
+    /// What tells these pairs from others.
+    pub fn pairs_hash(&self) -> String {
+        blake3::hash(bytemuck::cast_slice(&self.pool.targets)).to_hex().to_string()
+    }
+
+    /// The blocks of the next batch: each epoch goes through the pool in an order of its own.
+    fn blocks(&mut self, count: usize) -> Vec<u32> {
+        let total = self.pool.targets.len() / BLOCK;
+        (0..count as u64)
+            .map(|i| {
+                let place = u64::from(self.step) * count as u64 + i;
+                let epoch = place / total as u64;
+                if epoch != self.epoch {
+                    self.order = Random::new(self.seed, epoch).permutation(total);
+                    self.epoch = epoch;
+                }
+                self.order[(place % total as u64) as usize]
+            })
+            .collect()
+    }
+
+}
+
+fn pairs_of(blocks: &[u32]) -> impl Iterator<Item = usize> {
+    blocks.iter().flat_map(|block| (0..BLOCK).map(move |i| *block as usize * BLOCK + i))
+}
+
+fn gather(pool: &Pool, tables: &[Rows], blocks: &[u32], shard: &mut Shard) {
+    let width = shard.width();
+    for (pair, row) in pairs_of(blocks).zip(shard.inputs().chunks_exact_mut(padded(width))) {
+        match &pool.inputs {
+            Inputs::Direct(numbers) => row[..width].copy_from_slice(&numbers[pair * width..][..width]),
+            Inputs::Corners(corners) => gather_features(tables, &corners[pair], row),
+        }
+    }
+}
+
+fn loss(pool: &Pool, head: Head, loss: Loss, scale: f32, blocks: &[u32], shard: &mut Shard) {
+    let mut sum = 0.0;
+    let (outputs, gradients) = shard.outputs();
+    let width = padded(3);
+    for ((output, gradient), pair) in
+        outputs.chunks_exact(width).zip(gradients.chunks_exact_mut(width)).zip(pairs_of(blocks))
+    {
+        let target = pool.targets[pair];
+        for channel in 0..3 {
+            let (encoded, slope) = head.encode(output[channel]);
+            let error = encoded - target[channel];
+            let (loss, derivative) = loss.of(error);
+            sum += f64::from(target[3] * loss);
+            gradient[channel] = scale * target[3] * derivative * slope;
+        }
+    }
+    shard.loss = sum;
+}
+
+impl Loss {
+    /// The loss and its derivative by the fit, for a fit that is `error` above its target.
+    fn of(self, error: f32) -> (f32, f32) {
+        match self {
+            Loss::Absolute => (error.abs(), if error == 0.0 { 0.0 } else { error.signum() }),
+            Loss::Divergence { scale } => {
+                let lowest = -std::f32::consts::LN_2 / scale;
+                let within = error.max(lowest);
+                let excess = (-scale * within).exp_m1();
+                let divergence = (within + excess / scale) / scale;
+                (divergence + (within - error) / scale, -excess / scale)
+            }
+        }
+    }
+}
+
+impl Head {
+    /// The target that an output stands for, and its derivative.
+    pub fn encode(self, y: f32) -> (f32, f32) {
+        match self {
+            Head::Encoded => (y, 1.0),
+            // Below 0, where the BRDF is 0, it goes on straight, so that a gradient leads back.
+            Head::LogPlusOne { gain, scale } if y < 0.0 => (gain * y / scale, gain / scale),
+            Head::LogPlusOne { gain, scale } => {
+                let argument = 1.0 + gain * y.exp_m1();
+                (argument.ln() / scale, gain * y.exp() / argument / scale)
+            }
+        }
+    }
+}
+
+impl Scatter {
+    /// The gradient of a table's rows from that of the features of a batch, pair by pair.
+    fn add(&mut self, features: usize, side: usize, corners: &[[Corners; 2]], blocks: &[u32], shards: &[Shard]) {
+        self.gradient.fill(0.0);
+        self.is_touched.fill(false);
+        self.touched.clear();
+        for (shard, blocks) in shards.iter().zip(blocks.chunks(SHARD / BLOCK)) {
+            let stride = shard.input_gradient().len() / SHARD;
+            for (row, pair) in shard.input_gradient().chunks_exact(stride).zip(pairs_of(blocks)) {
+                let row = &row[side * features..][..features];
+                let at = &corners[pair][side];
+                for (point, weight) in at.points.into_iter().zip(at.weights) {
+                    if weight == 0.0 {
+                        continue;
+                    }
+                    if !self.is_touched[point as usize] {
+                        self.is_touched[point as usize] = true;
+                        self.touched.push(point);
+                    }
+                    let to = &mut self.gradient[point as usize * features..][..features];
+                    to.iter_mut().zip(row).for_each(|(to, value)| *to += weight * value);
+                }
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn losses_and_heads_have_the_slopes_of_finite_differences() {
+        let step = 1e-3f32;
+        for head in [Head::Encoded, Head::LogPlusOne { gain: 100.0, scale: 2.0 }] {
+            for y in [-0.3f32, 0.2, 1.5, 4.0] {
+                let expected = (head.encode(y + step).0 - head.encode(y - step).0) / (2.0 * step);
+                assert!((head.encode(y).1 - expected).abs() < 2e-3 * expected.abs(), "{head:?} at {y}");
+            }
+        }
+        for loss in [Loss::Absolute, Loss::Divergence { scale: 2.0 }] {
+            for error in [-0.9f32, -0.3, -0.05, 0.02, 0.3, 1.2] {
+                let expected = (loss.of(error + step).0 - loss.of(error - step).0) / (2.0 * step);
+                assert!((loss.of(error).1 - expected).abs() < 2e-3, "{loss:?}: {error}");
+            }
+            assert_eq!(loss.of(0.0), (0.0, 0.0));
+        }
+    }
+
+    /// Of a value that is x or y by chance, the divergence makes the mean.
+    #[test]
+    fn the_divergence_is_least_at_the_mean() {
+        let scale = 2.0;
+        let encode = |x: f32| x.ln() / scale;
+        let (x, y) = (1.5f32, 2.2);
+        let slope = |fit: f32| -> f32 {
+            [x, y].iter().map(|target| Loss::Divergence { scale }.of(encode(fit) - encode(*target)).1).sum()
+        };
+        assert!(slope(0.5 * (x + y)).abs() < 1e-6 && slope(1.8) < 0.0 && slope(1.9) > 0.0);
+    }
+
+    /// What scattering adds up is the transpose of what gathering does: the derivative of each feature by each row.
+    #[test]
+    fn scattering_is_the_gradient_of_gathering() {
+        let (points, features) = (7, 3);
+        let mut random = Random::new(8, 0);
+        let corners: Vec<[Corners; 2]> = (0..SHARD)
+            .map(|_| {
+                [0, 1].map(|_| Corners {
+                    points: [0; 4].map(|_| random.below(points) as u32),
+                    weights: [0.0; 4].map(|_| random.next_f32()),
+                })
+            })
+            .collect();
+        let network = Network::random(&[2 * features, 8, 3], &mut random);
+        let mut shard = Shard::new(&network, SHARD);
+        let (_, gradients) = shard.outputs();
+        gradients.chunks_exact_mut(padded(3)).for_each(|row| row[..3].iter_mut().for_each(|x| *x = random.next_f32()));
+        let mut transposed = Vec::new();
+        network.transpose(&mut transposed);
+        network.forward(&mut shard);
+        network.backward(&transposed, &mut shard);
+        let row_gradient = shard.input_gradient().to_vec();
+        let blocks: Vec<u32> = (0..(SHARD / BLOCK) as u32).collect();
+        for side in 0..2 {
+            let mut scatter =
+                Scatter { gradient: vec![0.0; points * features], is_touched: vec![false; points], touched: Vec::new() };
+            scatter.add(features, side, &corners, &blocks, std::slice::from_ref(&shard));
+            for point in 0..points {
+                for feature in 0..features {
+                    let mut expected = 0.0;
+                    for (row, at) in row_gradient.chunks_exact(padded(2 * features)).zip(&corners) {
+                        let weights = at[side].points.iter().zip(at[side].weights);
+                        let weight: f32 = weights.filter(|(p, _)| **p as usize == point).map(|(_, weight)| weight).sum();
+                        expected += f64::from(weight) * f64::from(row[side * features + feature]);
+                    }
+                    let found = f64::from(scatter.gradient[point * features + feature]);
+                    assert!((found - expected).abs() < 1e-4 * (1.0 + expected.abs()));
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,229 @@
+//! Training: what it learns, that it does so again, and that it can be stopped.
+
+use std::f64::consts::FRAC_1_PI;
+
+use glam::DVec3;
+use neubrdf::material::{Bsdf, Prepared};
+use neubrdf::scene::brdf::{NeuBrdf, Precision};
+use neubrdf::scene::{Color, Fresnel, Surface};
+use neubrdf::train::check::check;
+use neubrdf::train::measure::{compare, directional_albedo};
+use neubrdf::train::{Evaluator, GroundTruth, Model, Pair, Plan, Quality, Recipe, Session};
+
+/// A rough metal over a matte base, isotropic.
+fn satin(wo: DVec3, wi: DVec3) -> DVec3 {
+    metal(0.3, 0.3).eval(wo, wi) + DVec3::new(0.3, 0.1, 0.05) * FRAC_1_PI
+}
+
+struct Metal(Prepared);
+
+impl Metal {
+    fn eval(&self, wo: DVec3, wi: DVec3) -> DVec3 {
+        Bsdf::new(&self.0, DVec3::new(0.9, 0.7, 0.4)).eval(wo, wi)
+    }
+}
+
+fn metal(x: f32, y: f32) -> Metal {
+    let fresnel = Fresnel::Schlick { f0: Color::constant(glam::Vec3::ONE) };
+    Metal(Prepared::new(&Surface::Conductor { fresnel, alpha: glam::Vec2::new(x, y) }, &[]))
+}
+
+/// A plan that takes a fraction of a second.
+fn small(recipe: Recipe) -> Plan {
+    let plan = Plan::new(Model::NeuBrdf, recipe, Quality::Draft, true);
+    Plan { n_side: [4; 2], features: 8, hidden: 32, pruned: 32, pairs: 1 << 14, batch: 256, steps: 60, ..plan }
+}
+
+fn isotropic(eval: &(dyn Fn(DVec3, DVec3) -> DVec3 + Sync)) -> GroundTruth<'_> {
+    GroundTruth::Function { eval, is_isotropic: true }
+}
+
+fn finish(session: &mut Session) -> Vec<u8> {
+    while !session.is_done() {
+        session.step();
+    }
+    session.neubrdf().unwrap().encode(Precision::F32).unwrap()
+}
+
+/// The three ways of training, each with what happens half-way: codes, pruning.
+fn small_plans() -> [Plan; 3] {
+    [
+        small(Recipe::Default),
+        Plan { codes: [16, 32], ..small(Recipe::Default) },
+        Plan { codes: [16; 2], hidden: 32, pruned: 16, n_side: [4; 2], features: 8, steps: 60, batch: 256, ..small(Recipe::Paper) },
+    ]
+}
+
+#[test]
+fn a_small_fit_is_close() {
+    let plan = Plan { n_side: [8; 2], steps: 1500, pairs: 1 << 16, hidden: 32, pruned: 32, ..small(Recipe::Default) };
+    let mut session = Session::new(plan, &isotropic(&satin)).unwrap();
+    let bytes = finish(&mut session);
+    let evaluator = Evaluator::neubrdf(&NeuBrdf::decode(&bytes).unwrap());
+    let fit = |pairs: &[[DVec3; 2]]| evaluator.eval(pairs);
+    let truth = |pairs: &[[DVec3; 2]]| -> Vec<DVec3> { pairs.iter().map(|[wo, wi]| satin(*wo, *wi)).collect() };
+    let errors = compare(32, true, &fit, &truth).errors;
+    assert!(errors.pairs.log < 0.02, "mean |Δ ln(1 + f)| {}", errors.pairs.log);
+    assert!(errors.ball.ssim > 0.99, "SSIM {}", errors.ball.ssim);
+    assert!(errors.worst_albedo < 0.02, "albedo {:?}", errors.albedo);
+}
+
+#[test]
+fn the_fast_evaluation_is_that_of_the_definition() {
+    for plan in small_plans() {
+        let mut session = Session::new(plan, &isotropic(&satin)).unwrap();
+        let brdf = NeuBrdf::decode(&finish(&mut session)).unwrap();
+        let pairs: Vec<[DVec3; 2]> = (0..500)
+            .map(|i| {
+                let at = |k: f64| DVec3::new((k * 1.7).sin(), (k * 0.9).cos(), 1e-3 + (k * 0.37).sin().abs()).normalize();
+                [at(f64::from(i)), at(f64::from(i) + 0.5)]
+            })
+            .collect();
+        for (fast, [wo, wi]) in Evaluator::neubrdf(&brdf).eval(&pairs).into_iter().zip(&pairs) {
+            let exact = brdf.eval(*wo, *wi);
+            assert!((fast - exact).abs().max_element() <= 1e-4 * (exact.max_element() + 0.01), "{fast} {exact}");
+        }
+    }
+}
+
+#[test]
+fn a_seed_gives_the_same_bits_whatever_the_threads() {
+    for plan in small_plans() {
+        let fit = |threads: usize, seed: u64| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            let plan = Plan { seed, ..plan.clone() };
+            pool.install(|| finish(&mut Session::new(plan, &isotropic(&satin)).unwrap()))
+        };
+        let first = fit(1, 7);
+        assert!(first == fit(3, 7), "{:?}", plan.recipe);
+        assert!(first != fit(1, 8), "{:?}", plan.recipe);
+    }
+}
+
+#[test]
+fn a_resumed_training_ends_as_an_uninterrupted_one() {
+    let directory = tempfile::tempdir().unwrap();
+    for (index, plan) in small_plans().into_iter().enumerate() {
+        let whole = finish(&mut Session::new(plan.clone(), &isotropic(&satin)).unwrap());
+        // Before and after codes are given and neurons pruned.
+        for stop in [13, 50] {
+            let path = directory.path().join(format!("{index}-{stop}"));
+            let mut session = Session::new(plan.clone(), &isotropic(&satin)).unwrap();
+            (0..stop).for_each(|_| session.step());
+            session.save(&path).unwrap();
+            let mut resumed = Session::new(plan.clone(), &isotropic(&satin)).unwrap();
+            resumed.restore(&path).unwrap();
+            assert!(finish(&mut resumed) == whole, "{:?} from step {stop}", plan.recipe);
+        }
+    }
+}
+
+#[test]
+fn a_checkpoint_of_something_else_is_an_error() {
+    let directory = tempfile::tempdir().unwrap();
+    let path = directory.path().join("state");
+    let mut session = Session::new(small(Recipe::Default), &isotropic(&satin)).unwrap();
+    session.step();
+    session.save(&path).unwrap();
+    let restore = |plan: Plan, eval: &(dyn Fn(DVec3, DVec3) -> DVec3 + Sync)| {
+        let mut session = Session::new(plan, &isotropic(eval)).unwrap();
+        session.restore(&path).map_err(|error| error.to_string())
+    };
+    assert!(restore(Plan { seed: 1, ..small(Recipe::Default) }, &satin).unwrap_err().contains("the plan"));
+    assert!(restore(small(Recipe::Default), &|_, _| DVec3::ONE).unwrap_err().contains("the input"));
+    let bytes = std::fs::read(&path).unwrap();
+    for length in [0, 7, 20, bytes.len() / 2, bytes.len() - 1] {
+        std::fs::write(&path, &bytes[..length]).unwrap();
+        assert!(restore(small(Recipe::Default), &satin).unwrap_err().contains("not a checkpoint"));
+    }
+}
+
+#[test]
+fn winding_down_ends_soon_and_with_less_error() {
+    let plan = Plan { steps: 2000, ..small(Recipe::Default) };
+    let mut session = Session::new(plan, &isotropic(&satin)).unwrap();
+    (0..300).for_each(|_| session.step());
+    let before = session.loss();
+    session.wind_down();
+    finish(&mut session);
+    assert_eq!(session.steps(), 400);
+    assert!(session.loss() < before, "{} after {before}", session.loss());
+}
+
+/// Isotropic materials need half of one hemisphere and a line of the other; what is dropped changes nothing that is asked for.
+#[test]
+fn points_that_no_pair_needs_are_dropped() {
+    let mut session = Session::new(Plan { n_side: [16; 2], ..small(Recipe::Default) }, &isotropic(&satin)).unwrap();
+    let bytes = finish(&mut session);
+    let brdf = NeuBrdf::decode(&bytes).unwrap();
+    let kept = |table: &neubrdf::scene::brdf::SphereTable| {
+        table.indices.iter().filter(|index| **index != neubrdf::scene::brdf::NO_CODE).count() as f64
+            / table.grid.point_count() as f64
+    };
+    assert!(kept(&brdf.wi) < 0.2, "{} of ωi's points are kept", kept(&brdf.wi));
+    assert!((0.4..0.7).contains(&kept(&brdf.wo)), "{} of ωo's points are kept", kept(&brdf.wo));
+}
+
+/// From a hundred samples of a matte material with nothing in between, all of the hemisphere is known.
+#[test]
+fn few_samples_are_enough_for_a_simple_material() {
+    let pairs: Vec<Pair> = (0..120u32)
+        .map(|i| {
+            let at = |i: u32| {
+                let (theta, phi) = (f64::from(i % 8) * 0.18, f64::from(i) * 2.4);
+                DVec3::new(theta.sin() * phi.cos(), theta.sin() * phi.sin(), theta.cos()).as_vec3()
+            };
+            Pair { wo: at(i), wi: at(i * 7 + 3), value: glam::Vec3::new(0.2, 0.1, 0.05) }
+        })
+        .collect();
+    let plan = Plan { steps: 600, ..small(Recipe::Default).for_samples(pairs.len()) };
+    let mut session = Session::new(plan, &GroundTruth::Samples { pairs, is_isotropic: true }).unwrap();
+    let evaluator = Evaluator::neubrdf(&NeuBrdf::decode(&finish(&mut session)).unwrap());
+    let eval = |pairs: &[[DVec3; 2]]| evaluator.eval(pairs);
+    let albedo = directional_albedo(DVec3::new(0.6, 0.0, 0.8), 2048, &eval);
+    let expected = DVec3::new(0.2, 0.1, 0.05) / FRAC_1_PI;
+    assert!(((albedo - expected) / expected).abs().max_element() < 0.1, "{albedo} {expected}");
+}
+
+#[test]
+fn an_anisotropic_nbrdf_and_a_neubrdf_learn_the_same_metal() {
+    let metal = metal(0.15, 0.4);
+    let eval = |wo: DVec3, wi: DVec3| metal.eval(wo, wi);
+    for (model, most) in [(Model::NeuBrdf, 0.08), (Model::Nbrdf, 0.15)] {
+        let plan = Plan { model, n_side: [8; 2], steps: 1200, pairs: 1 << 16, ..small(Recipe::Default) };
+        let mut session = Session::new(plan, &GroundTruth::Function { eval: &eval, is_isotropic: false }).unwrap();
+        while !session.is_done() {
+            session.step();
+        }
+        let evaluator = session.evaluator();
+        let truth = |pairs: &[[DVec3; 2]]| -> Vec<DVec3> { pairs.iter().map(|[wo, wi]| eval(*wo, *wi)).collect() };
+        let errors = compare(16, false, &|pairs| evaluator.eval(pairs), &truth).errors;
+        assert!(errors.pairs.log < most, "{model:?}: mean |Δ ln(1 + f)| {}", errors.pairs.log);
+    }
+}
+
+#[test]
+fn a_check_finds_what_is_wrong() {
+    let matte = |pairs: &[[DVec3; 2]]| vec![DVec3::splat(0.5 * FRAC_1_PI); pairs.len()];
+    let good = check(true, &matte);
+    assert_eq!((good.non_finite, good.negative), (0, 0));
+    assert!(good.reciprocity_error < 1e-12 && (good.max_albedo - 0.5).abs() < 0.01, "{good:?}");
+    let lopsided = |pairs: &[[DVec3; 2]]| pairs.iter().map(|[wo, _]| DVec3::splat(wo.z)).collect::<Vec<_>>();
+    let bad = check(true, &lopsided);
+    assert!(bad.reciprocity_error > 0.1 && bad.max_albedo > 3.0, "{bad:?}");
+    let broken = |pairs: &[[DVec3; 2]]| pairs.iter().map(|[wo, wi]| DVec3::splat((wi.z - wo.z).ln())).collect::<Vec<_>>();
+    assert!(check(true, &broken).non_finite > 0);
+}
+
+#[test]
+fn plans_beyond_reason_are_errors() {
+    let error = |plan: Plan| Session::new(plan, &isotropic(&satin)).map(|_| ()).unwrap_err().to_string();
+    assert!(error(Plan { n_side: [16, 256], ..small(Recipe::Default) }).contains("--n-side"));
+    assert!(error(Plan { features: 33, ..small(Recipe::Default) }).contains("--features"));
+    assert!(error(Plan { hidden: 129, ..small(Recipe::Default) }).contains("--hidden"));
+    assert!(error(Plan { batch: 100, ..small(Recipe::Default) }).contains("--batch"));
+    assert!(error(Plan { steps: 0, ..small(Recipe::Default) }).contains("--steps"));
+    assert!(error(Plan { codes: [1, 9], ..small(Recipe::Default) }).contains("--codes"));
+    let nothing = GroundTruth::Samples { pairs: Vec::new(), is_isotropic: true };
+    assert!(Session::new(small(Recipe::Default), &nothing).is_err());
+}
