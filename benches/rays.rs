@@ -185,6 +185,7 @@ fn alone(mesh: Mesh) -> Scene {
         instances: vec![Instance { mesh: 0, object_to_world: Affine3A::IDENTITY }],
         materials: vec![Material { name: "grey".into(), surface, emission: Vec3::ZERO, emits_both_sides: false }],
         textures: vec![],
+        brdfs: vec![],
         environment: None,
         sun: None,
     }

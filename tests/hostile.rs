@@ -166,6 +166,7 @@ fn assert_valid(scene: &Scene) {
                 color(albedo);
                 assert!((1.0..=10.0).contains(ior) && (0.0..=1.0).contains(alpha));
             }
+            Surface::Measured { brdf } => assert!((*brdf as usize) < scene.brdfs.len()),
         }
     }
     for texture in &scene.textures {

@@ -94,6 +94,7 @@ fn scene(camera: Camera, meshes: Vec<Mesh>, materials: Vec<Material>) -> Scene {
         instances,
         materials,
         textures: Vec::new(),
+        brdfs: Vec::new(),
         environment: None,
         sun: None,
     }

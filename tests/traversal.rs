@@ -134,6 +134,7 @@ fn scene(meshes: Vec<Mesh>, instances: Vec<Instance>) -> Scene {
             emits_both_sides: false,
         }],
         textures: vec![],
+        brdfs: vec![],
         environment: None,
         sun: None,
     }

@@ -9,16 +9,17 @@
 // `texture_index` of a material without a texture.
 const uint NO_TEXTURE = 0xFFFFFFFFu;
 
-// The two lowest bits of `flags`.
-const uint MATERIAL_FAMILY_MASK = 3u;
+// The lowest bits of `flags`. The shading kernel of a family is glsl/kernels/shade_X.comp, its BSDF glsl/lib/bsdf_X.glsl.
+const uint MATERIAL_FAMILY_MASK = 15u;
 const uint FAMILY_DIFFUSE = 0u;
 const uint FAMILY_CONDUCTOR = 1u;
 const uint FAMILY_DIELECTRIC = 2u;
 const uint FAMILY_COATED = 3u;
+const uint FAMILY_NBRDF = 4u;
 // The others.
-const uint MATERIAL_EMITS = 4u;             // `emission` is not black
-const uint MATERIAL_EMITS_BOTH_SIDES = 8u;  // from the back of its triangles too
-const uint MATERIAL_COMPLEX_FRESNEL = 16u;  // a conductor by `eta` and `kappa`, not Schlick's with `color`
+const uint MATERIAL_EMITS = 16u;            // `emission` is not black
+const uint MATERIAL_EMITS_BOTH_SIDES = 32u; // from the back of its triangles too
+const uint MATERIAL_COMPLEX_FRESNEL = 64u;  // a conductor by `eta` and `kappa`, not Schlick's with `color`
 
 // How many entries a coat's table has.
 const uint COAT_TABLE_LENGTH = 256u;
@@ -37,8 +38,9 @@ struct MaterialRecord {
     float ior;           // dielectric: inside over outside; coat: its index; exactly 1 where there is no boundary
     vec3 emission;       // radiance
     float base_scale;    // coated: 1 / (1 - average albedo of the coat)
-    vec2 alpha;          // GGX roughness along tangent and bitangent, 0 or >= 1e-4; (0, 0) is perfectly smooth
-    uvec2 coat;          // address of a CoatTable: coated with alpha > 0; else null
+    vec2 alpha;          // GGX roughness along tangent and bitangent, 0 or >= 1e-4; (0, 0) is perfectly smooth. Of the sampling lobe
+                         // where lib/lobe.glsl samples
+    uvec2 table;         // address of a CoatTable: coated with alpha > 0; of a LobeTable: sampled by lib/lobe.glsl; else null
 };
 
 uint material_family(uint flags) {

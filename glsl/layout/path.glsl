@@ -31,8 +31,20 @@ layout(buffer_reference, scalar, buffer_reference_align = 16) buffer QueueCounte
 const uint QUEUE_TRACE = 0u;
 const uint QUEUE_SHADOW = 1u;
 const uint QUEUE_MISS = 2u;
-const uint QUEUE_SHADE = 3u; // + material family
-const uint QUEUE_COUNT = 7u;
+const uint QUEUE_SHADE = 3u; // of the first family of materials that the scene has
+
+// Bit f is set where the scene has a material of family f.
+layout(constant_id = 5) const uint FAMILY_MASK = 1u;
+
+// The queue of a family: those that the scene lacks have none.
+uint queue_of_family(uint family) {
+    return QUEUE_SHADE + uint(bitCount(FAMILY_MASK & ((1u << family) - 1u)));
+}
+
+// Queues of a bounce.
+uint queue_count() {
+    return QUEUE_SHADE + uint(bitCount(FAMILY_MASK));
+}
 
 // The arrays themselves; they travel in push constants, since a pointer that is read from memory costs CPU drivers as much as
 // what it points to.
@@ -46,7 +58,7 @@ struct PathPool {
     Vec4Array shadow_direction;  // xyz: to the light, not normalised, the light being at t = 1 (or infinitely far); w: contribution.g
     UVec2Array shadow_path;      // slot; bits of contribution.b
     UIntArray queue;             // [queue][capacity]: path slots
-    QueueCounterArray counters;  // [bounce][QUEUE_COUNT]
+    QueueCounterArray counters;  // [bounce][queue_count()]
 };
 
 #endif

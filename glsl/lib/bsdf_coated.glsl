@@ -16,7 +16,7 @@ struct Bsdf {
 
 Bsdf bsdf_make(MaterialRecord material, vec3 color) {
     float excess = (material.ior - 1.0) * (material.ior + 1.0);
-    return Bsdf(color, material.base_scale, excess, material.alpha.x, material.coat);
+    return Bsdf(color, material.base_scale, excess, material.alpha.x, material.table);
 }
 
 bool bsdf_is_delta(Bsdf b) {

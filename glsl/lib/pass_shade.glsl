@@ -33,18 +33,28 @@ struct ShadowRay {
     vec3 contribution;   // 0: not worth tracing
 };
 
-ShadowRay light_sample(Lights lights, Surface surface, Bsdf bsdf, vec3 wo, vec3 throughput, SampleKey key, uint dimension) {
+// A light that has been picked, seen from the surface.
+struct Lit {
+    LightSample light;
+    vec3 wi;         // world space
+    vec3 local_wi;
+    bool counts;
+};
+
+Lit light_sample(Lights lights, Surface surface, SampleKey key, uint dimension) {
     LightSample light = sample_light(scene, lights, surface.position, sample_bits(key, dimension + DIMENSION_LIGHT));
     vec3 wi = normalize(light.to_light);
     vec3 local_wi = frame_to_local(surface.frame, wi);
-    ShadowRay ray = ShadowRay(vec3(0.0), vec3(0.0), vec3(0.0));
-    if (light.pdf > 0.0 && frame_is_consistent(surface.frame, wi, local_wi)) {
-        vec4 value = bsdf_eval_pdf(bsdf, wo, local_wi);
-        float weight = light.is_delta ? 1.0 : mis_weight(light.pdf, value.a);
-        ray.contribution = throughput * value.rgb * light.radiance * (abs(local_wi.z) * weight / light.pdf);
-        ray.origin = leave(surface, wi);
-        ray.to_light = light.to_light + (surface.position - ray.origin);
-    }
+    return Lit(light, wi, local_wi, light.pdf > 0.0 && frame_is_consistent(surface.frame, wi, local_wi));
+}
+
+// The ray to a light that counts, where f and pdf of the BSDF are `value`.
+ShadowRay shadow_ray(Surface surface, Lit lit, vec4 value, vec3 throughput) {
+    float weight = lit.light.is_delta ? 1.0 : mis_weight(lit.light.pdf, value.a);
+    ShadowRay ray;
+    ray.contribution = throughput * value.rgb * lit.light.radiance * (abs(lit.local_wi.z) * weight / lit.light.pdf);
+    ray.origin = leave(surface, lit.wi);
+    ray.to_light = lit.light.to_light + (surface.position - ray.origin);
     return ray;
 }
 
@@ -60,9 +70,10 @@ void push_shadow_ray(bool wanted, ShadowRay ray, uint slot) {
 void pass_shade() {
     // All invocations shade, those beyond the queue's end its last path once more, and only what they store depends on it:
     // so most loads come before control flow begins.
-    uint length = queue_length(bounce, QUEUE_SHADE + FAMILY);
+    uint queue = queue_of_family(FAMILY);
+    uint length = queue_length(bounce, queue);
     bool has_path = gl_GlobalInvocationID.x < length;
-    uint slot = queue_slot(QUEUE_SHADE + FAMILY, min(gl_GlobalInvocationID.x, length - 1u));
+    uint slot = queue_slot(queue, min(gl_GlobalInvocationID.x, length - 1u));
     Lights lights = lights_of(scene);
     vec4 origin = pool.origin.at[slot];
     vec3 direction = pool.direction.at[slot].xyz;
@@ -83,15 +94,36 @@ void pass_shade() {
     uint dimension = bounce * DIMENSIONS_PER_BOUNCE;
     vec3 wo = frame_to_local(surface.frame, -direction);
     Bsdf bsdf = bsdf_make(material, material_color(scene, material, surface.uv));
+    ShadowRay shadow = ShadowRay(vec3(0.0), vec3(0.0), vec3(0.0));
+    vec2 lobe_roulette = sample_2d(key, dimension + DIMENSION_LOBE_ROULETTE);
+    vec3 u = vec3(sample_2d(key, dimension + DIMENSION_BSDF), lobe_roulette.x);
+#ifdef BSDF_PICKS_FIRST
+    Lit lit;
+    lit.local_wi = vec3(0.0);
+    lit.counts = false;
     if (HAS_LIGHTS) {
-        ShadowRay shadow = ShadowRay(vec3(0.0), vec3(0.0), vec3(0.0));
-        if (!bsdf_is_delta(bsdf)) {
-            shadow = light_sample(lights, surface, bsdf, wo, throughput, key, dimension);
+        lit = light_sample(lights, surface, key, dimension);
+    }
+    vec4 picked = bsdf_pick(bsdf, wo, u);
+    vec4 value;
+    vec3 f_picked;
+    bsdf_eval_pair(bsdf, wo, lit.local_wi, picked.xyz, value, f_picked);
+    if (lit.counts) {
+        shadow = shadow_ray(surface, lit, value, throughput);
+    }
+    BsdfSample next = bsdf_picked(picked, f_picked);
+#else
+    if (HAS_LIGHTS && !bsdf_is_delta(bsdf)) {
+        Lit lit = light_sample(lights, surface, key, dimension);
+        if (lit.counts) {
+            shadow = shadow_ray(surface, lit, bsdf_eval_pdf(bsdf, wo, lit.local_wi), throughput);
         }
+    }
+    BsdfSample next = bsdf_sample(bsdf, wo, u);
+#endif
+    if (HAS_LIGHTS) {
         push_shadow_ray(has_path && shadow.contribution != vec3(0.0), shadow, slot);
     }
-    vec2 lobe_roulette = sample_2d(key, dimension + DIMENSION_LOBE_ROULETTE);
-    BsdfSample next = bsdf_sample(bsdf, wo, vec3(sample_2d(key, dimension + DIMENSION_BSDF), lobe_roulette.x));
     vec3 wi = frame_to_world(surface.frame, next.wi);
     throughput *= next.weight;
     float survival = bounce < ROULETTE_AFTER ? 1.0 : min(1.0, max(throughput.r, max(throughput.g, throughput.b)));

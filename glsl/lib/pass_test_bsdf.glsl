@@ -41,9 +41,18 @@ void pass_test_bsdf() {
     BsdfTestCase test = push.cases.at[i];
     MaterialRecord material = push.materials.at[test.material];
     Bsdf bsdf = bsdf_make(material, material.color);
+#ifdef BSDF_PICKS_FIRST
+    vec4 picked = bsdf_pick(bsdf, test.wo, test.u);
+    vec4 eval_pdf;
+    vec3 f_picked;
+    bsdf_eval_pair(bsdf, test.wo, test.wi, picked.xyz, eval_pdf, f_picked);
+    BsdfSample next = bsdf_picked(picked, f_picked);
+#else
+    vec4 eval_pdf = bsdf_eval_pdf(bsdf, test.wo, test.wi);
     BsdfSample next = bsdf_sample(bsdf, test.wo, test.u);
+#endif
     uint is_delta = uint(next.is_delta) + 2u * uint(bsdf_is_delta(bsdf));
-    push.results.at[i] = BsdfTestResult(bsdf_eval_pdf(bsdf, test.wo, test.wi), next.wi, next.pdf, next.weight, is_delta);
+    push.results.at[i] = BsdfTestResult(eval_pdf, next.wi, next.pdf, next.weight, is_delta);
 }
 
 #endif

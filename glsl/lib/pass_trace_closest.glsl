@@ -6,9 +6,6 @@
 #include "lib/light.glsl"
 #include "lib/queue.glsl"
 
-// Bit f is set where the scene has a material of family f.
-layout(constant_id = 5) const uint FAMILY_MASK = 1u;
-
 const bool ONE_FAMILY = (FAMILY_MASK & (FAMILY_MASK - 1u)) == 0u;
 
 void pass_trace_closest() {
@@ -28,9 +25,9 @@ void pass_trace_closest() {
         family = ONE_FAMILY ? uint(findLSB(FAMILY_MASK))
                             : material_family(scene.materials.at[material_of(mesh, hit.triangle)].flags);
     }
-    for (uint f = 0u; f < 4u; ++f) {
+    for (uint f = 0u; f <= MATERIAL_FAMILY_MASK; ++f) {
         if ((FAMILY_MASK & (1u << f)) != 0u) {
-            queue_push(bounce, QUEUE_SHADE + f, family == f, slot);
+            queue_push(bounce, queue_of_family(f), family == f, slot);
         }
     }
     if (HAS_ENVIRONMENT) {

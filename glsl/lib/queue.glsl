@@ -10,7 +10,7 @@
 layout(local_size_x_id = 0) in;
 
 uint counter_of(uint bounce, uint queue) {
-    return bounce * QUEUE_COUNT + queue;
+    return bounce * queue_count() + queue;
 }
 
 // A place at the queue's end for each invocation that wants one: one atomic a subgroup. To be called by all invocations.

@@ -15,8 +15,12 @@ mod diffuse;
 mod frame;
 mod fresnel;
 mod ggx;
+mod lobe_fit;
+mod lobe_sampled;
+mod nbrdf;
+mod prepared;
 
-use glam::{DVec3, Vec2};
+use glam::DVec3;
 
 use crate::scene::{Color, Fresnel, Surface};
 
@@ -28,6 +32,10 @@ pub use diffuse::Diffuse;
 pub use frame::{Frame, orthonormal_basis, triangle_dpdu};
 pub use fresnel::{fresnel_complex, fresnel_dielectric, fresnel_dielectric_average, fresnel_schlick};
 pub use ggx::Ggx;
+pub use lobe_fit::fit_lobe;
+pub use lobe_sampled::{Evaluate, LobeSampled};
+pub use nbrdf::LARGEST_OUTPUT as NBRDF_LARGEST_OUTPUT;
+pub use prepared::Prepared;
 
 /// GGX surfaces with α below this are perfectly smooth: their lobe is a Dirac delta.
 pub const SMOOTH_ALPHA: f32 = 1e-4;
@@ -62,26 +70,28 @@ pub enum Bsdf<'a> {
     Dielectric(Dielectric),
     /// A diffuse base under a dielectric coat.
     Coated(Coated<'a>),
+    /// A BRDF without a sampler of its own.
+    LobeSampled(LobeSampled<'a>),
 }
 
 impl<'a> Bsdf<'a> {
-    /// The scattering of `surface` where its [`color`], times its texture, is `color`. `coat` is what
-    /// [`CoatAlbedo::new`] found for the same surface.
-    pub fn new(surface: &Surface, color: DVec3, coat: &'a CoatAlbedo) -> Bsdf<'a> {
+    /// The scattering of a surface where its [`color`], times its texture, is `color`.
+    pub fn new(surface: &'a Prepared, color: DVec3) -> Bsdf<'a> {
         match *surface {
-            Surface::Diffuse { .. } => Bsdf::Diffuse(Diffuse { albedo: color }),
-            Surface::Conductor { fresnel, alpha } => Bsdf::Conductor(Conductor {
+            Prepared::Diffuse => Bsdf::Diffuse(Diffuse { albedo: color }),
+            Prepared::Conductor { fresnel, roughness } => Bsdf::Conductor(Conductor {
                 reflectance: match fresnel {
                     Fresnel::Schlick { .. } => Reflectance::Schlick { f0: color },
                     Fresnel::Complex { eta, kappa } => {
                         Reflectance::Complex { eta: eta.as_dvec3(), kappa: kappa.as_dvec3() }
                     }
                 },
-                roughness: Ggx::new(alpha),
+                roughness,
             }),
-            Surface::Dielectric { ior, alpha } => Bsdf::Dielectric(Dielectric::new(ior, alpha)),
-            Surface::Coated { ior, alpha, .. } => {
-                Bsdf::Coated(Coated { base: color, ior: ior.into(), roughness: Ggx::new(Vec2::splat(alpha)), coat })
+            Prepared::Dielectric(dielectric) => Bsdf::Dielectric(dielectric),
+            Prepared::Coated { ior, roughness, ref coat } => Bsdf::Coated(Coated { base: color, ior, roughness, coat }),
+            Prepared::LobeSampled { ref brdf, ref lobe } => {
+                Bsdf::LobeSampled(LobeSampled { brdf: brdf.as_ref(), lobe })
             }
         }
     }
@@ -94,6 +104,7 @@ impl<'a> Bsdf<'a> {
             Bsdf::Conductor(conductor) => conductor.eval(wo, wi),
             Bsdf::Dielectric(dielectric) => dielectric.eval(wo, wi),
             Bsdf::Coated(coated) => coated.eval(wo, wi),
+            Bsdf::LobeSampled(sampled) => sampled.eval(wo, wi),
         }
     }
 
@@ -104,6 +115,7 @@ impl<'a> Bsdf<'a> {
             Bsdf::Conductor(conductor) => conductor.pdf(wo, wi),
             Bsdf::Dielectric(dielectric) => dielectric.pdf(wo, wi),
             Bsdf::Coated(coated) => coated.pdf(wo, wi),
+            Bsdf::LobeSampled(sampled) => sampled.pdf(wo, wi),
         }
     }
 
@@ -115,13 +127,14 @@ impl<'a> Bsdf<'a> {
             Bsdf::Conductor(conductor) => conductor.sample(wo, u),
             Bsdf::Dielectric(dielectric) => dielectric.sample(wo, u),
             Bsdf::Coated(coated) => coated.sample(wo, u),
+            Bsdf::LobeSampled(sampled) => sampled.sample(wo, u),
         }
     }
 
     /// Whether all lobes are Dirac deltas: sampling a light is then useless.
     pub fn is_delta(&self) -> bool {
         match self {
-            Bsdf::Diffuse(_) | Bsdf::Coated(_) => false,
+            Bsdf::Diffuse(_) | Bsdf::Coated(_) | Bsdf::LobeSampled(_) => false,
             Bsdf::Conductor(conductor) => conductor.roughness.is_none(),
             Bsdf::Dielectric(dielectric) => dielectric.roughness.is_none(),
         }
@@ -133,9 +146,9 @@ pub fn color(surface: &Surface) -> Color {
     match *surface {
         Surface::Diffuse { albedo } | Surface::Coated { albedo, .. } => albedo,
         Surface::Conductor { fresnel: Fresnel::Schlick { f0 }, .. } => f0,
-        Surface::Conductor { fresnel: Fresnel::Complex { .. }, .. } | Surface::Dielectric { .. } => {
-            Color::constant(glam::Vec3::ONE)
-        }
+        Surface::Conductor { fresnel: Fresnel::Complex { .. }, .. }
+        | Surface::Dielectric { .. }
+        | Surface::Measured { .. } => Color::constant(glam::Vec3::ONE),
     }
 }
 

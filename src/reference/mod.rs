@@ -17,6 +17,7 @@ mod path;
 mod random;
 mod surface;
 
+use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::time::Instant;
 
@@ -30,7 +31,7 @@ use self::lights::Lights;
 use self::random::Random;
 use self::surface::Placement;
 use crate::image::{Crop, Metadata, Picture};
-use crate::material::CoatAlbedo;
+use crate::material::Prepared;
 use crate::scene::Scene;
 
 /// What can go wrong.
@@ -95,11 +96,11 @@ pub struct Reference<'a> {
     /// One an instance.
     placements: Vec<Placement>,
     /// One a material.
-    coats: Vec<CoatAlbedo>,
+    surfaces: Vec<Arc<Prepared>>,
 }
 
 impl<'a> Reference<'a> {
-    /// Builds Embree's trees and the tables of lights and coats.
+    /// Builds Embree's trees and the tables of lights and materials.
     pub fn new(scene: &'a Scene) -> Result<Reference<'a>, Error> {
         let placements: Vec<Placement> = scene.instances.iter().map(Placement::new).collect();
         Ok(Reference {
@@ -108,7 +109,7 @@ impl<'a> Reference<'a> {
             accelerator: Accelerator::new(scene)?,
             lights: Lights::new(scene, &placements),
             placements,
-            coats: scene.materials.iter().map(|material| CoatAlbedo::new(&material.surface)).collect(),
+            surfaces: Prepared::all(&scene.materials, &scene.brdfs),
         })
     }
 

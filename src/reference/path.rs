@@ -60,7 +60,7 @@ impl Reference<'_> {
                 break;
             }
 
-            let bsdf = Bsdf::new(&material.surface, point.color, &self.coats[point.material_index as usize]);
+            let bsdf = Bsdf::new(&self.surfaces[point.material_index as usize], point.color);
             let wo = frame.to_local(wo_world);
             if !bsdf.is_delta()
                 && let Some(light) = self.lights.sample(self.scene, point.position, random)

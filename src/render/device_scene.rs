@@ -39,12 +39,10 @@ impl DeviceScene {
             address
         };
 
-        let materials = MaterialTable::new(&scene.materials);
-        let coats = match materials.coat_tables.as_slice() {
-            [] => 0,
-            tables => keep(Buffer::with_data(device, "coat tables", tables)?),
-        };
-        let materials = keep(Buffer::with_data(device, "materials", &materials.records(coats))?);
+        let materials = MaterialTable::new(&scene.materials, &scene.brdfs);
+        let tables = materials.tables.iter().map(|table| Ok(keep(Buffer::with_data(device, "material table", table)?)));
+        let tables = tables.collect::<Result<Vec<_>, Error>>()?;
+        let materials = keep(Buffer::with_data(device, "materials", &materials.records(&tables))?);
         let mut textures = 0;
         if features.textures {
             let mut records = Vec::new();

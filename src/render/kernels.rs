@@ -49,7 +49,7 @@ impl Features {
         }
         let used = || scene.materials.iter().zip(&used).filter(|(_, used)| **used).map(|(material, _)| material);
         Features {
-            families: used().fold(0, |mask, material| mask | 1 << family(&material.surface) as u32),
+            families: used().fold(0, |mask, material| mask | 1 << family(&material.surface, &scene.brdfs) as u32),
             emitters: !lights.is_empty() && !lights.triangles.is_empty(),
             environment: lights.environment_texels > 0,
             sun: scene.sun.is_some_and(|sun| sun.irradiance != Vec3::ZERO),
@@ -62,6 +62,11 @@ impl Features {
     /// Whether some material of the family is in the scene.
     pub fn has(&self, family: Family) -> bool {
         self.families & 1 << family as u32 != 0
+    }
+
+    /// The place of a family among those that the scene has.
+    pub fn place(&self, family: Family) -> u32 {
+        (self.families & ((1 << family as u32) - 1)).count_ones()
     }
 
     /// Whether there is light at all.
@@ -166,5 +171,6 @@ pub fn shade_kernel(family: Family) -> &'static str {
         Family::Conductor => "shade_conductor",
         Family::Dielectric => "shade_dielectric",
         Family::Coated => "shade_coated",
+        Family::Nbrdf => "shade_nbrdf",
     }
 }

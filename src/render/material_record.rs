@@ -1,9 +1,12 @@
 //! Materials as the device reads them: `glsl/layout/material.glsl`.
 
+use std::sync::Arc;
+
 use glam::Vec2;
 
-use crate::material::{CoatAlbedo, INDEX_MATCH, SMOOTH_ALPHA, color};
-use crate::scene::{Fresnel, Material, Surface};
+use super::brdf_table;
+use crate::material::{CoatAlbedo, INDEX_MATCH, Prepared, SMOOTH_ALPHA, color};
+use crate::scene::{Brdf, Fresnel, Material, Surface};
 
 /// Which shading kernel a material needs. The number stands in the lowest bits of [`MaterialRecord::flags`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
@@ -17,11 +20,14 @@ pub enum Family {
     Dielectric = 2,
     /// [`Surface::Coated`]
     Coated = 3,
+    /// [`Brdf::Nbrdf`]
+    Nbrdf = 4,
 }
 
 impl Family {
     /// All of them, in the order of their numbers.
-    pub const ALL: [Family; 4] = [Family::Diffuse, Family::Conductor, Family::Dielectric, Family::Coated];
+    pub const ALL: [Family; 5] =
+        [Family::Diffuse, Family::Conductor, Family::Dielectric, Family::Coated, Family::Nbrdf];
 
     /// The lower-case name, as it stands in the names of GLSL files.
     pub fn name(self) -> &'static str {
@@ -30,17 +36,21 @@ impl Family {
             Family::Conductor => "conductor",
             Family::Dielectric => "dielectric",
             Family::Coated => "coated",
+            Family::Nbrdf => "nbrdf",
         }
     }
 }
 
-/// The family of a surface.
-pub fn family(surface: &Surface) -> Family {
-    match surface {
+/// The family of a surface of a scene with these BRDFs.
+pub fn family(surface: &Surface, brdfs: &[Arc<Brdf>]) -> Family {
+    match *surface {
         Surface::Diffuse { .. } => Family::Diffuse,
         Surface::Conductor { .. } => Family::Conductor,
         Surface::Dielectric { .. } => Family::Dielectric,
         Surface::Coated { .. } => Family::Coated,
+        Surface::Measured { brdf } => match *brdfs[brdf as usize] {
+            Brdf::Nbrdf(_) => Family::Nbrdf,
+        },
     }
 }
 
@@ -61,7 +71,7 @@ crate::shared_structs! {
         pub emission: [f32; 3],
         pub base_scale: f32,
         pub alpha: [f32; 2],
-        pub coat: u64,
+        pub table: u64,
     }
 }
 
@@ -69,19 +79,19 @@ impl MaterialRecord {
     /// [`MaterialRecord::texture_index`] of a material without a texture.
     pub const NO_TEXTURE: u32 = u32::MAX;
     /// The bits of [`MaterialRecord::flags`] that hold the [`Family`].
-    pub const FAMILY_MASK: u32 = 3;
+    pub const FAMILY_MASK: u32 = 15;
     /// Flag: the emission is not black.
-    pub const EMITS: u32 = 4;
+    pub const EMITS: u32 = 16;
     /// Flag: triangles emit from their back too.
-    pub const EMITS_BOTH_SIDES: u32 = 8;
+    pub const EMITS_BOTH_SIDES: u32 = 32;
     /// Flag: a conductor by its complex index of refraction.
-    pub const COMPLEX_FRESNEL: u32 = 16;
+    pub const COMPLEX_FRESNEL: u32 = 64;
 
-    /// All of a material but the address of its coat's table.
-    fn new(material: &Material, coat: &CoatAlbedo) -> MaterialRecord {
+    /// All of a material but the address of its table.
+    fn new(material: &Material, family: Family, prepared: &Prepared) -> MaterialRecord {
         let Material { surface, emission, .. } = material;
         let color = color(surface);
-        let mut flags = family(surface) as u32;
+        let mut flags = family as u32;
         let mut set = |flag, condition| flags |= if condition { flag } else { 0 };
         set(Self::EMITS, material.is_emissive());
         set(Self::EMITS_BOTH_SIDES, material.emits_both_sides);
@@ -95,10 +105,16 @@ impl MaterialRecord {
             Surface::Conductor { alpha, .. } => (1.0, alpha),
             Surface::Dielectric { ior, alpha } => (ior, Vec2::splat(alpha)),
             Surface::Coated { ior, alpha, .. } => (ior, Vec2::splat(alpha)),
+            Surface::Measured { .. } => (1.0, Vec2::ZERO),
         };
         let has_boundary = matches!(surface, Surface::Conductor { .. }) || (ior - 1.0).abs() >= INDEX_MATCH;
         let is_rough = has_boundary && alpha.max_element() >= SMOOTH_ALPHA;
-        let alpha = if is_rough { alpha.max(Vec2::splat(SMOOTH_ALPHA)) } else { Vec2::ZERO };
+        let alpha = match prepared {
+            Prepared::LobeSampled { lobe, .. } => lobe.alpha.into(),
+            _ if is_rough => alpha.max(Vec2::splat(SMOOTH_ALPHA)),
+            _ => Vec2::ZERO,
+        };
+        let average_coat = if let Prepared::Coated { coat, .. } = prepared { coat.average() } else { 0.0 };
         MaterialRecord {
             color: color.value.into(),
             texture_index: color.texture.unwrap_or(Self::NO_TEXTURE),
@@ -107,9 +123,9 @@ impl MaterialRecord {
             kappa: kappa.into(),
             ior: if has_boundary { ior } else { 1.0 },
             emission: (*emission).into(),
-            base_scale: (1.0 / (1.0 - coat.average())) as f32,
+            base_scale: (1.0 / (1.0 - average_coat)) as f32,
             alpha: alpha.into(),
-            coat: 0,
+            table: 0,
         }
     }
 }
@@ -117,51 +133,55 @@ impl MaterialRecord {
 /// The materials of a scene, ready for upload.
 #[derive(Clone, Debug, PartialEq)]
 pub struct MaterialTable {
-    /// The tables of all rough coats, one after another, [`CoatAlbedo::TABLE_LEN`] entries each. Empty where there is
-    /// no rough coat.
-    pub coat_tables: Vec<f32>,
-    /// The records, in the order of the scene's materials, without the addresses of their coats' tables.
+    /// What materials have in memory of their own: the table of a rough coat, or a sampling lobe and what its BRDF is evaluated
+    /// from. Each once, however many materials share it.
+    pub tables: Vec<Vec<u32>>,
+    /// The records, in the order of the scene's materials, without the addresses of their tables.
     records: Vec<MaterialRecord>,
     /// Which of the tables belongs to each record.
-    coat_of: Vec<Option<usize>>,
+    table_of: Vec<Option<usize>>,
 }
 
 impl MaterialTable {
-    /// Packs materials; coats of the same index and roughness share a table.
-    pub fn new(materials: &[Material]) -> MaterialTable {
-        let mut table = MaterialTable { coat_tables: Vec::new(), records: Vec::new(), coat_of: Vec::new() };
-        let mut known: Vec<(f32, f32, CoatAlbedo, Option<usize>)> = Vec::new();
-        for material in materials {
-            let &Surface::Coated { ior, alpha, .. } = &material.surface else {
-                table.records.push(MaterialRecord::new(material, &CoatAlbedo::None));
-                table.coat_of.push(None);
-                continue;
-            };
-            let position = known.iter().position(|&(i, a, ..)| (i, a) == (ior, alpha)).unwrap_or_else(|| {
-                let coat = CoatAlbedo::new(&material.surface);
-                let index = table.push_table(&coat);
-                known.push((ior, alpha, coat, index));
+    /// Packs the materials of a scene with these BRDFs.
+    pub fn new(materials: &[Material], brdfs: &[Arc<Brdf>]) -> MaterialTable {
+        let mut packed = MaterialTable { tables: Vec::new(), records: Vec::new(), table_of: Vec::new() };
+        let mut known: Vec<(Arc<Prepared>, Option<usize>)> = Vec::new();
+        for (material, prepared) in materials.iter().zip(Prepared::all(materials, brdfs)) {
+            let family = family(&material.surface, brdfs);
+            packed.records.push(MaterialRecord::new(material, family, &prepared));
+            let position = known.iter().position(|(other, _)| Arc::ptr_eq(other, &prepared)).unwrap_or_else(|| {
+                let table = table(&material.surface, &prepared, brdfs).map(|table| packed.push_table(table));
+                known.push((prepared, table));
                 known.len() - 1
             });
-            let (_, _, coat, index) = &known[position];
-            table.records.push(MaterialRecord::new(material, coat));
-            table.coat_of.push(*index);
+            packed.table_of.push(known[position].1);
         }
-        table
+        packed
     }
 
-    /// The records, for [`MaterialTable::coat_tables`] at device address `coat_tables`.
-    pub fn records(&self, coat_tables: u64) -> Vec<MaterialRecord> {
-        let table_bytes = (CoatAlbedo::TABLE_LEN * size_of::<f32>()) as u64;
-        let address = |index: &Option<usize>| index.map_or(0, |index| coat_tables + index as u64 * table_bytes);
-        let with_address = |(record, index): (&MaterialRecord, _)| MaterialRecord { coat: address(index), ..*record };
-        self.records.iter().zip(&self.coat_of).map(with_address).collect()
+    /// The records, for [`MaterialTable::tables`] at these device addresses, multiples of 16.
+    pub fn records(&self, addresses: &[u64]) -> Vec<MaterialRecord> {
+        let address = |index: &Option<usize>| index.map_or(0, |index| addresses[index]);
+        let with_address = |(record, index): (&MaterialRecord, _)| MaterialRecord { table: address(index), ..*record };
+        self.records.iter().zip(&self.table_of).map(with_address).collect()
     }
 
-    /// Appends the table of a rough coat, and says which one it is.
-    fn push_table(&mut self, coat: &CoatAlbedo) -> Option<usize> {
-        let CoatAlbedo::Rough { table, .. } = coat else { return None };
-        self.coat_tables.extend_from_slice(table);
-        Some(self.coat_tables.len() / CoatAlbedo::TABLE_LEN - 1)
+    fn push_table(&mut self, table: Vec<u32>) -> usize {
+        self.tables.push(table);
+        self.tables.len() - 1
+    }
+}
+
+/// What a surface has in memory of its own.
+fn table(surface: &Surface, prepared: &Prepared, brdfs: &[Arc<Brdf>]) -> Option<Vec<u32>> {
+    match (surface, prepared) {
+        (_, Prepared::Coated { coat: CoatAlbedo::Rough { table, .. }, .. }) => {
+            Some(table.iter().map(|albedo| albedo.to_bits()).collect())
+        }
+        (Surface::Measured { brdf }, Prepared::LobeSampled { lobe, .. }) => {
+            Some(brdf_table::pack(lobe, &brdfs[*brdf as usize]))
+        }
+        _ => None,
     }
 }

@@ -5,6 +5,7 @@
 
 pub mod bvh;
 
+mod brdf_table;
 mod checkpoint;
 mod device_scene;
 mod error;

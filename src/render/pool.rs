@@ -22,16 +22,22 @@ pub enum Queue {
     Shade(Family),
 }
 
-/// `QUEUE_COUNT` of `glsl/layout/path.glsl`.
-const QUEUE_COUNT: u32 = 7;
+/// The first of the families' queues.
+const QUEUE_SHADE: u32 = 3;
+
+/// How many queues a bounce has.
+fn queue_count(features: &Features) -> u32 {
+    QUEUE_SHADE + features.families.count_ones()
+}
 
 impl Queue {
-    fn index(self) -> u32 {
+    /// Their order: `glsl/layout/path.glsl`. Families that the scene lacks have no queue.
+    fn index(self, features: &Features) -> u32 {
         match self {
             Queue::Trace => 0,
             Queue::Shadow => 1,
             Queue::Miss => 2,
-            Queue::Shade(family) => 3 + family as u32,
+            Queue::Shade(family) => QUEUE_SHADE + features.place(family),
         }
     }
 }
@@ -42,6 +48,7 @@ pub struct Pool {
     table: PathPool,
     first_albedo: u64,
     first_normal: u64,
+    features: Features,
     counters: Buffer,
     empty_counters: Buffer,
     // The table points to them.
@@ -69,13 +76,11 @@ impl Pool {
             Ok(address)
         };
         let lights = features.has_lights();
+        let queues = u64::from(queue_count(features));
         let bounces = u64::from(settings.max_depth) + 1;
         let empty = QueueCounter { groups: [0, 1, 1], count: 0 };
-        let empty_counters = Buffer::with_data(
-            device,
-            "empty queue counters",
-            &vec![empty; (bounces * u64::from(QUEUE_COUNT)) as usize],
-        )?;
+        let empty_counters =
+            Buffer::with_data(device, "empty queue counters", &vec![empty; (bounces * queues) as usize])?;
         let counters = Buffer::new(device, "queue counters", empty_counters.size(), Memory::Device)?;
         let table = PathPool {
             origin: array("ray origins", 16, true)?,
@@ -86,12 +91,12 @@ impl Pool {
             shadow_origin: array("shadow ray origins", 16, lights)?,
             shadow_direction: array("shadow ray directions", 16, lights)?,
             shadow_path: array("shadow ray paths", 8, lights)?,
-            queue: array("queues", 4 * u64::from(QUEUE_COUNT), true)?,
+            queue: array("queues", 4 * queues, true)?,
             counters: counters.address(),
         };
         let first_albedo = array("first albedos", 16, settings.features)?;
         let first_normal = array("first normals", 16, settings.features)?;
-        Ok(Pool { capacity, table, first_albedo, first_normal, counters, empty_counters, arrays })
+        Ok(Pool { capacity, table, features: *features, first_albedo, first_normal, counters, empty_counters, arrays })
     }
 
     /// Paths in flight.
@@ -121,7 +126,7 @@ impl Pool {
 
     /// The indirect dispatch of a queue: its buffer and offset in bytes.
     pub fn counter(&self, bounce: u32, queue: Queue) -> (&Buffer, u64) {
-        let index = u64::from(bounce) * u64::from(QUEUE_COUNT) + u64::from(queue.index());
+        let index = u64::from(bounce * queue_count(&self.features) + queue.index(&self.features));
         (&self.counters, index * size_of::<QueueCounter>() as u64)
     }
 }

@@ -2,7 +2,7 @@
 
 use std::fmt;
 use std::fs::{self, File};
-use std::io;
+use std::io::{self, Read};
 use std::path::{Path, PathBuf};
 
 /// Where in the input something is.
@@ -101,6 +101,20 @@ pub(super) fn open(path: &Path, needed_by: Option<&Place>) -> Result<File, Error
         _ => Err(io::Error::other("it is not a regular file")),
     };
     open(path).map_err(|source| Error::read(path, needed_by, source))
+}
+
+/// The bytes of a file of at most `longest` bytes.
+pub(super) fn read_bytes(path: &Path, needed_by: Option<&Place>, longest: u64) -> Result<Vec<u8>, Error> {
+    let mut bytes = Vec::new();
+    open(path, needed_by)?
+        .take(longest + 1)
+        .read_to_end(&mut bytes)
+        .map_err(|source| Error::read(path, needed_by, source))?;
+    if bytes.len() as u64 > longest {
+        let most = if longest < 1 << 20 { format!("{longest} bytes") } else { format!("{} MiB", longest >> 20) };
+        return Err(Error::unexpected(Place::file(path), format!("more than {most}"), "a shorter file"));
+    }
+    Ok(bytes)
 }
 
 /// Something odd in the input that did not stop the scene from loading.

@@ -1,12 +1,11 @@
 //! Scene files: TOML beside OBJ, as docs/scenes.md describes it, or a bare OBJ file.
 
 use std::collections::HashMap;
-use std::io::Read;
 use std::path::{Path, PathBuf};
 
 use glam::{Affine3A, EulerRot, Mat3, Quat, Vec2, Vec3};
 
-use super::error::{Error, Place, Warning, nearest, open};
+use super::error::{Error, Place, Warning, nearest, read_bytes};
 use super::light::BRIGHTEST;
 use super::mesh::{self, LARGEST_COORDINATE};
 use super::mtl::Library;
@@ -74,16 +73,7 @@ fn load_scene_file(path: &Path) -> Result<(Scene, Vec<Warning>), Error> {
 }
 
 fn read_text(path: &Path) -> Result<String, Error> {
-    let mut bytes = Vec::new();
-    open(path, None)?
-        .take(LONGEST_FILE + 1)
-        .read_to_end(&mut bytes)
-        .map_err(|source| Error::read(path, None, source))?;
-    if bytes.len() as u64 > LONGEST_FILE {
-        let found = format!("more than {} MiB", LONGEST_FILE >> 20);
-        return Err(Error::unexpected(Place::file(path), found, "a scene file; geometry goes into OBJ files"));
-    }
-    String::from_utf8(bytes).map_err(|error| {
+    String::from_utf8(read_bytes(path, None, LONGEST_FILE)?).map_err(|error| {
         let line =
             error.as_bytes()[..error.utf8_error().valid_up_to()].iter().filter(|byte| **byte == b'\n').count() + 1;
         Error::unexpected(Place::line(path, line), "bytes that are not UTF-8", "TOML text")
@@ -121,7 +111,7 @@ impl Loader {
         environment: Option<Environment>,
         sun: Option<Sun>,
     ) -> Result<(Scene, Vec<Warning>), Error> {
-        let Library { materials, textures, mut warnings, undefined, .. } = self.library;
+        let Library { materials, textures, brdfs, mut warnings, undefined, .. } = self.library;
         warnings.extend(undefined.into_iter().map(|(index, file)| Warning {
             place: Place::file(file),
             message: format!("the material `{}` is not defined: grey and diffuse", materials[index as usize].name),
@@ -133,8 +123,17 @@ impl Loader {
             return Err(Error::unexpected(Place::file(path), found, expected));
         }
         let camera = camera.unwrap_or_else(|| framing(&bounds, film));
-        let mut scene =
-            Scene { camera, film, meshes: self.meshes, instances, materials, textures: Vec::new(), environment, sun };
+        let mut scene = Scene {
+            camera,
+            film,
+            meshes: self.meshes,
+            instances,
+            materials,
+            textures: Vec::new(),
+            brdfs: brdfs.into_iter().map(|(_, brdf)| brdf).collect(),
+            environment,
+            sun,
+        };
         decode_textures(&mut scene, &textures, &mut warnings)?;
         warn_of_missing_coordinates(&scene, &mut warnings);
         let shines = |radiance: &Vec3| *radiance != Vec3::ZERO;
@@ -284,7 +283,7 @@ fn transform(table: &Table) -> Result<Affine3A, Error> {
     }
 }
 
-const MATERIAL_TYPES: &str = "\"diffuse\", \"conductor\", \"mirror\", \"dielectric\" or \"coated\"";
+const MATERIAL_TYPES: &str = "\"diffuse\", \"conductor\", \"mirror\", \"dielectric\", \"coated\" or \"measured\"";
 
 /// Changes the materials of a name as a table of the scene file says.
 fn override_material(name: &str, value: &Value, file: &Path, library: &mut Library) -> Result<(), Error> {
@@ -323,6 +322,7 @@ fn surface(table: &Table, before: &Surface, file: &Path, library: &mut Library) 
         Surface::Conductor { .. } => "conductor",
         Surface::Dielectric { .. } => "dielectric",
         Surface::Coated { .. } => "coated",
+        Surface::Measured { .. } => "measured",
     };
     let kind = table.get("type").map_or(Ok(unchanged), |value| value.string())?;
     let smooth_or = |alpha: Option<f32>| alpha.unwrap_or(0.0);
@@ -369,6 +369,12 @@ fn surface(table: &Table, before: &Surface, file: &Path, library: &mut Library) 
             let alpha = smooth_or(isotropic_alpha(table)?.or(alpha_before));
             let albedo = color(table, "albedo", albedo_before, file, library)?;
             Ok(Surface::Coated { albedo, ior: ior(table, ior_before, 1.0)?, alpha })
+        }
+        "measured" => {
+            allow(&["file", "name"])?;
+            let path = table.require("file")?;
+            let name = table.get("name").map(|name| name.string()).transpose()?;
+            Ok(Surface::Measured { brdf: library.brdf(beside(file, path.string()?), name, &path.place())? })
         }
         _ => Err(table.require("type")?.error(MATERIAL_TYPES)),
     }

@@ -10,14 +10,17 @@ impl Scene {
     /// BLAKE3 over the scene's content, in hexadecimal. Names and file paths do not enter.
     pub fn hash(&self) -> String {
         let mut hasher = Hasher::new();
-        let Scene { camera, film, meshes, instances, materials, textures, environment, sun } = self;
+        let Scene { camera, film, meshes, instances, materials, textures, brdfs, environment, sun } = self;
         let Camera { eye, target, up, vertical_fov_degrees, lens } = camera;
         let Film { width, height } = film;
         put(&mut hasher, &[*eye, *target, *up]);
         put(&mut hasher, &[*vertical_fov_degrees]);
         put(&mut hasher, &lens.map_or(vec![], |Lens { radius, focus_distance }| vec![radius, focus_distance]));
         put(&mut hasher, &[*width, *height]);
-        put(&mut hasher, &[meshes.len(), instances.len(), materials.len(), textures.len()].map(|count| count as u64));
+        put(
+            &mut hasher,
+            &[meshes.len(), instances.len(), materials.len(), textures.len(), brdfs.len()].map(|count| count as u64),
+        );
         for Mesh { name: _, positions, normals, uvs, triangles, materials } in meshes {
             put(&mut hasher, positions);
             put(&mut hasher, normals);
@@ -39,6 +42,7 @@ impl Scene {
             put(&mut hasher, &[*width, *height]);
             put(&mut hasher, texels);
         }
+        brdfs.iter().for_each(|brdf| brdf.put(&mut hasher));
         if let Some(Environment { width, height, texels, rotation_degrees }) = environment {
             put(&mut hasher, b"environment");
             put(&mut hasher, &[*width, *height]);
@@ -76,6 +80,10 @@ fn put_surface(hasher: &mut Hasher, surface: &Surface) {
             put_color(hasher, albedo);
             put(hasher, &[*ior, *alpha]);
         }
+        Surface::Measured { brdf } => {
+            put(hasher, b"measured");
+            put(hasher, &[*brdf]);
+        }
     }
 }
 
@@ -85,7 +93,7 @@ fn put_color(hasher: &mut Hasher, Color { value, texture }: &Color) {
 }
 
 /// Adds a sequence, preceded by its length so that no two scenes make the same bytes.
-fn put<T: NoUninit>(hasher: &mut Hasher, items: &[T]) {
+pub(super) fn put<T: NoUninit>(hasher: &mut Hasher, items: &[T]) {
     hasher.update(&(items.len() as u64).to_le_bytes());
     hasher.update(cast_slice(items));
 }

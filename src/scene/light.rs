@@ -299,6 +299,7 @@ mod tests {
             ],
             materials: vec![material(3.0, false), material(0.0, false), material(5.0, true)],
             textures: vec![],
+            brdfs: vec![],
             environment: Some(Environment {
                 width: 4,
                 height: 3,

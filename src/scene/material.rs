@@ -56,6 +56,11 @@ pub enum Surface {
         /// GGX α of the coat, in [0, 1].
         alpha: f32,
     },
+    /// A BRDF that a file gives.
+    Measured {
+        /// Index into [`super::Scene::brdfs`].
+        brdf: u32,
+    },
 }
 
 /// The reflectance of a metal against the angle.
@@ -81,7 +86,9 @@ impl Surface {
         match self {
             Surface::Diffuse { albedo } | Surface::Coated { albedo, .. } => Some(albedo),
             Surface::Conductor { fresnel: Fresnel::Schlick { f0 }, .. } => Some(f0),
-            Surface::Conductor { fresnel: Fresnel::Complex { .. }, .. } | Surface::Dielectric { .. } => None,
+            Surface::Conductor { fresnel: Fresnel::Complex { .. }, .. }
+            | Surface::Dielectric { .. }
+            | Surface::Measured { .. } => None,
         }
     }
 
@@ -90,7 +97,9 @@ impl Surface {
         match self {
             Surface::Diffuse { albedo } | Surface::Coated { albedo, .. } => albedo.texture,
             Surface::Conductor { fresnel: Fresnel::Schlick { f0 }, .. } => f0.texture,
-            Surface::Conductor { fresnel: Fresnel::Complex { .. }, .. } | Surface::Dielectric { .. } => None,
+            Surface::Conductor { fresnel: Fresnel::Complex { .. }, .. }
+            | Surface::Dielectric { .. }
+            | Surface::Measured { .. } => None,
         }
     }
 }

@@ -6,6 +6,7 @@
 //! Conventions: right-handed, y up, counter-clockwise triangles face their normal. Radiance is in
 //! W·sr⁻¹·m⁻² per channel.
 
+mod brdf;
 mod camera;
 mod decode;
 mod error;
@@ -23,12 +24,15 @@ mod statements;
 mod table;
 mod texture;
 
+pub use brdf::{Brdf, Nbrdf, SamplingLobe};
 pub use camera::{Camera, Film, Lens};
 pub use error::{Error, Place, Warning};
 pub use light::{Environment, Light, LightTable, Sun, luminance};
 pub use material::{Color, Fresnel, Material, Surface};
 pub use mesh::{Bounds, Instance, Mesh};
 pub use texture::Texture;
+
+use std::sync::Arc;
 
 /// Everything that a renderer needs to know about a scene.
 #[derive(Clone, Debug, PartialEq)]
@@ -45,6 +49,8 @@ pub struct Scene {
     pub materials: Vec<Material>,
     /// What [`Color::texture`] indexes.
     pub textures: Vec<Texture>,
+    /// What [`Surface::Measured`] indexes.
+    pub brdfs: Vec<Arc<Brdf>>,
     /// Light from infinitely far away, all around.
     pub environment: Option<Environment>,
     /// Light from infinitely far away, from one direction.

@@ -3,6 +3,7 @@
 use std::collections::{BTreeMap, HashMap};
 use std::io::BufReader;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use glam::{Vec2, Vec3};
 
@@ -10,7 +11,7 @@ use super::error::{Error, Place, Warning, open, quote};
 use super::light::BRIGHTEST;
 use super::obj::beside;
 use super::statements::{Fault, Statements, number};
-use super::{Color, Fresnel, Material, Surface};
+use super::{Brdf, Color, Fresnel, Material, Surface};
 
 /// The materials and texture files of a scene, gathered from its OBJ and MTL files.
 #[derive(Default)]
@@ -18,6 +19,8 @@ pub(super) struct Library {
     pub materials: Vec<Material>,
     /// Texture files and what names them first; [`Color::texture`] indexes these until they are decoded.
     pub textures: Vec<(PathBuf, Place)>,
+    /// BRDFs and what they were read from; [`Surface::Measured`] indexes these.
+    pub brdfs: Vec<((PathBuf, Option<String>), Arc<Brdf>)>,
     pub warnings: Vec<Warning>,
     /// Materials that an OBJ file names and no MTL file defines: index, and the OBJ file.
     pub undefined: Vec<(u32, PathBuf)>,
@@ -132,6 +135,17 @@ impl Library {
             self.textures.push((path, named_by.clone()));
             self.textures.len() - 1
         }) as u32
+    }
+
+    /// The index of the BRDF in a file, which is read once.
+    pub fn brdf(&mut self, path: PathBuf, name: Option<&str>, named_by: &Place) -> Result<u32, Error> {
+        let key = (path, name.map(str::to_owned));
+        if let Some(index) = self.brdfs.iter().position(|(known, _)| *known == key) {
+            return Ok(index as u32);
+        }
+        let brdf = Arc::new(Brdf::load_for(&key.0, name, Some(named_by))?);
+        self.brdfs.push((key, brdf));
+        Ok(self.brdfs.len() as u32 - 1)
     }
 
     /// What an MTL material amounts to; docs/scenes.md has the table.

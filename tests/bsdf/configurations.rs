@@ -1,26 +1,38 @@
 //! The surfaces and directions that are tested.
 
+use std::sync::Arc;
+
 use glam::{DVec3, Vec2, Vec3};
-use neubrdf::material::{self, Bsdf, CoatAlbedo};
-use neubrdf::scene::{Color, Fresnel, Surface};
+use neubrdf::material::{self, Bsdf, Prepared};
+use neubrdf::scene::{Brdf, Color, Fresnel, Surface};
 
 /// A surface seen from one direction.
 pub struct Configuration {
     pub name: String,
     pub surface: Surface,
-    pub coat: CoatAlbedo,
+    pub brdfs: Vec<Arc<Brdf>>,
+    pub prepared: Prepared,
     pub wo: DVec3,
 }
 
 impl Configuration {
     pub fn new(surface: Surface, theta: f64, phi: f64) -> Configuration {
         let name = format!("{} at {theta}°, {phi}°", describe(&surface));
-        let coat = CoatAlbedo::new(&surface);
-        Configuration { name, surface, coat, wo: direction(theta, phi) }
+        let prepared = Prepared::new(&surface, &[]);
+        Configuration { name, surface, brdfs: Vec::new(), prepared, wo: direction(theta, phi) }
+    }
+
+    /// A BRDF that a file gives.
+    pub fn measured((name, brdf): &(String, Arc<Brdf>), theta: f64, phi: f64) -> Configuration {
+        let surface = Surface::Measured { brdf: 0 };
+        let brdfs = vec![brdf.clone()];
+        let prepared = Prepared::new(&surface, &brdfs);
+        let name = format!("{name} at {theta}°, {phi}°");
+        Configuration { name, surface, brdfs, prepared, wo: direction(theta, phi) }
     }
 
     pub fn bsdf(&self) -> Bsdf<'_> {
-        Bsdf::new(&self.surface, material::color(&self.surface).value.as_dvec3(), &self.coat)
+        Bsdf::new(&self.prepared, material::color(&self.surface).value.as_dvec3())
     }
 }
 
@@ -30,6 +42,7 @@ pub fn describe(surface: &Surface) -> String {
         Surface::Conductor { alpha, .. } => format!("conductor α {}×{}", alpha.x, alpha.y),
         Surface::Dielectric { ior, alpha } => format!("dielectric η {ior} α {alpha}"),
         Surface::Coated { ior, alpha, .. } => format!("coated η {ior} α {alpha}"),
+        Surface::Measured { brdf } => format!("BRDF {brdf}"),
     }
 }
 

@@ -4,7 +4,8 @@ use std::fmt::Write;
 
 use glam::{DVec3, Vec3};
 use neubrdf::material::{
-    Bsdf, CoatAlbedo, Frame, fresnel_complex, fresnel_dielectric, fresnel_dielectric_average, orthonormal_basis,
+    Bsdf, CoatAlbedo, Frame, Prepared, fresnel_complex, fresnel_dielectric, fresnel_dielectric_average,
+    orthonormal_basis,
 };
 use neubrdf::scene::Surface;
 use rayon::prelude::*;
@@ -16,7 +17,7 @@ use crate::sphere::{Cells, Random};
 /// ∫f |cos θi| dωi by quadrature, first channel, Dirac lobes aside.
 fn albedo_by_quadrature(configuration: &Configuration) -> f64 {
     let bsdf = configuration.bsdf();
-    let cells = Cells::around_lobes(&configuration.surface, configuration.wo);
+    let cells = Cells::around_lobes(configuration);
     cells.integrals(|wi| bsdf.eval(configuration.wo, wi).x * wi.z.abs(), 1e-7).iter().sum()
 }
 
@@ -70,8 +71,10 @@ fn white_base_under_any_coat_closes_the_furnace() {
         let mut configuration = Configuration::new(surface.clone(), 0.0, 0.0);
         [0.0, 60.0, 85.0, 89.0, 89.99].map(|theta| {
             configuration.wo = direction(theta, 0.0);
-            let is_mirror = matches!(configuration.coat, CoatAlbedo::Smooth { .. });
-            let mirrored = if is_mirror { configuration.coat.at(configuration.wo.z) } else { 0.0 };
+            let mirrored = match &configuration.prepared {
+                Prepared::Coated { coat: coat @ CoatAlbedo::Smooth { .. }, .. } => coat.at(configuration.wo.z),
+                _ => 0.0,
+            };
             let error = albedo_by_quadrature(&configuration) + mirrored - 1.0;
             (error.abs(), format!("{:28} at {theta:5}°  {error:+.2e}", describe(surface)))
         })

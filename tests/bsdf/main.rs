@@ -6,5 +6,6 @@ mod common;
 mod configurations;
 mod device;
 mod energy;
+mod networks;
 mod sampling;
 mod sphere;

@@ -8,6 +8,7 @@ use neubrdf::material::{Bsdf, BsdfSample};
 use rayon::prelude::*;
 
 use crate::configurations::{self, Configuration};
+use crate::networks;
 use crate::sphere::{Cells, Random};
 
 /// The probability that any of a set of tests fails though all is well.
@@ -27,7 +28,7 @@ pub struct Histogram {
 
 impl Histogram {
     pub fn new(configuration: &Configuration) -> Histogram {
-        let cells = Cells::around_lobes(&configuration.surface, configuration.wo);
+        let cells = Cells::around_lobes(configuration);
         let counts = vec![0; cells.len()];
         Histogram { cells, counts, delta_counts: [0; 2], delta_probabilities: [0.0; 2], absorbed: 0, total: 0 }
     }
@@ -103,7 +104,15 @@ pub fn judge(evidence: &str, results: &[(String, f64, bool)]) {
 
 #[test]
 fn samples_follow_the_density() {
-    let configurations = configurations::all();
+    check_samples("bsdf_chi_square_cpu.txt", &configurations::all());
+}
+
+#[test]
+fn samples_of_networks_follow_the_density() {
+    check_samples("bsdf_chi_square_networks_cpu.txt", &networks::configurations());
+}
+
+fn check_samples(evidence: &str, configurations: &[Configuration]) {
     let results: Vec<_> = configurations
         .par_iter()
         .enumerate()
@@ -123,7 +132,7 @@ fn samples_follow_the_density() {
             (histogram.report(&configuration.name, &test, integral), test.p_value, holds)
         })
         .collect();
-    judge("bsdf_chi_square_cpu.txt", &results);
+    judge(evidence, &results);
 }
 
 #[test]

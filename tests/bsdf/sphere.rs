@@ -3,8 +3,10 @@
 use std::f64::consts::{PI, TAU};
 
 use glam::DVec3;
-use neubrdf::material::orthonormal_basis;
+use neubrdf::material::{Prepared, orthonormal_basis};
 use neubrdf::scene::Surface;
+
+use crate::configurations::Configuration;
 
 const RINGS: usize = 40;
 const SECTORS: usize = 20;
@@ -53,8 +55,9 @@ pub struct Cells {
 }
 
 impl Cells {
-    /// Cells about the directions where `surface` reflects and refracts `wo`.
-    pub fn around_lobes(surface: &Surface, wo: DVec3) -> Cells {
+    /// Cells about the directions where a surface reflects and refracts `wo`.
+    pub fn around_lobes(Configuration { surface, prepared, wo, .. }: &Configuration) -> Cells {
+        let wo = *wo;
         let mirrored = DVec3::new(-wo.x, -wo.y, wo.z);
         let (width, refraction) = match *surface {
             Surface::Diffuse { .. } => (1.0, None),
@@ -66,6 +69,10 @@ impl Cells {
                 let refracted = across.extend(-wo.z.signum() * (1.0 - across.length_squared()).max(0.0).sqrt());
                 (f64::from(alpha), Some(refracted.normalize()))
             }
+            Surface::Measured { .. } => match prepared {
+                Prepared::LobeSampled { lobe, .. } => (f64::from(lobe.alpha[0] * lobe.alpha[1]).sqrt(), None),
+                _ => (1.0, None),
+            },
         };
         let width = width.clamp(1e-4, 1.0);
         let above = wo.z > 0.0;

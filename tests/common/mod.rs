@@ -168,6 +168,7 @@ pub fn scene(meshes: Vec<Mesh>, materials: Vec<Material>, eye: Vec3, target: Vec
         instances,
         materials,
         textures: Vec::new(),
+        brdfs: Vec::new(),
         environment: None,
         sun: None,
     }

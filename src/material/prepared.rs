@@ -1,0 +1,106 @@
+//! What is found out about a surface once, before it is evaluated.
+
+use std::sync::Arc;
+
+use glam::{DVec3, Vec2};
+
+use super::{CoatAlbedo, Dielectric, Evaluate, Ggx, fit_lobe};
+use crate::scene::{Brdf, Fresnel, Material, SamplingLobe, Surface};
+
+/// A surface with all that evaluating and sampling it takes, but its colour at a point.
+#[derive(Clone, Debug)]
+pub enum Prepared {
+    /// [`Surface::Diffuse`]
+    Diffuse,
+    /// [`Surface::Conductor`]
+    Conductor {
+        /// Its reflectance; Schlick's is the colour's to say.
+        fresnel: Fresnel,
+        /// `None`: a mirror.
+        roughness: Option<Ggx>,
+    },
+    /// [`Surface::Dielectric`]
+    Dielectric(Dielectric),
+    /// [`Surface::Coated`]
+    Coated {
+        /// Index of refraction of the coat.
+        ior: f64,
+        /// Of the coat; `None`: a mirror.
+        roughness: Option<Ggx>,
+        /// How much the coat reflects.
+        coat: CoatAlbedo,
+    },
+    /// A BRDF without a sampler of its own, and the lobe that samples it.
+    LobeSampled {
+        /// The values.
+        brdf: Arc<dyn Evaluate>,
+        /// Roughly their shape.
+        lobe: SamplingLobe,
+    },
+}
+
+impl Prepared {
+    /// Prepares a surface of a scene with these BRDFs. It may cost a second: do it once a material.
+    pub fn new(surface: &Surface, brdfs: &[Arc<Brdf>]) -> Prepared {
+        match *surface {
+            Surface::Diffuse { .. } => Prepared::Diffuse,
+            Surface::Conductor { fresnel, alpha } => Prepared::Conductor { fresnel, roughness: Ggx::new(alpha) },
+            Surface::Dielectric { ior, alpha } => Prepared::Dielectric(Dielectric::new(ior, alpha)),
+            Surface::Coated { ior, alpha, .. } => Prepared::Coated {
+                ior: ior.into(),
+                roughness: Ggx::new(Vec2::splat(alpha)),
+                coat: CoatAlbedo::new(surface),
+            },
+            Surface::Measured { brdf } => {
+                let brdf = brdfs[brdf as usize].clone();
+                Prepared::LobeSampled { lobe: sampling_lobe(&brdf), brdf }
+            }
+        }
+    }
+
+    /// Prepares all materials of a scene with these BRDFs, in their order; surfaces that differ by no more than their colour
+    /// share what was prepared.
+    pub fn all(materials: &[Material], brdfs: &[Arc<Brdf>]) -> Vec<Arc<Prepared>> {
+        let mut prepared: Vec<Arc<Prepared>> = Vec::new();
+        for (index, Material { surface, .. }) in materials.iter().enumerate() {
+            let known = materials[..index].iter().position(|known| is_alike(&known.surface, surface));
+            prepared.push(match known {
+                Some(known) => prepared[known].clone(),
+                None => Arc::new(Prepared::new(surface, brdfs)),
+            });
+        }
+        prepared
+    }
+}
+
+/// Whether two surfaces are equal but for their colour.
+fn is_alike(a: &Surface, b: &Surface) -> bool {
+    match (a, b) {
+        (Surface::Diffuse { .. }, Surface::Diffuse { .. }) => true,
+        (Surface::Coated { ior, alpha, .. }, Surface::Coated { ior: other_ior, alpha: other_alpha, .. }) => {
+            (ior, alpha) == (other_ior, other_alpha)
+        }
+        _ => a == b,
+    }
+}
+
+/// The lobe that comes with a BRDF, or that fits it.
+fn sampling_lobe(brdf: &Brdf) -> SamplingLobe {
+    match brdf {
+        Brdf::Nbrdf(_) => fit_lobe(brdf.is_isotropic(), &|wo, wi| brdf.eval(wo, wi)),
+    }
+}
+
+impl Evaluate for Brdf {
+    fn eval(&self, wo: DVec3, wi: DVec3) -> DVec3 {
+        match self {
+            Brdf::Nbrdf(nbrdf) => nbrdf.eval(wo, wi),
+        }
+    }
+
+    fn is_isotropic(&self) -> bool {
+        match self {
+            Brdf::Nbrdf(_) => true,
+        }
+    }
+}
