@@ -1,6 +1,7 @@
 //! The command line: one file a subcommand. Each parses, calls the library and prints.
 
 mod compare;
+mod converge;
 mod info;
 mod job;
 mod progress;
@@ -29,6 +30,8 @@ enum Command {
     Reference(Box<reference::Arguments>),
     /// Say how two pictures differ: MSE, relMSE, FLIP, bias, and a z-test where they carry variances.
     Compare(compare::Arguments),
+    /// Measure how error falls with time, method by method, and test for bias.
+    Converge(Box<converge::Arguments>),
     /// List the Vulkan devices, what each would be used for, and what an unfit one lacks.
     Info(info::Arguments),
 }
@@ -40,6 +43,7 @@ pub fn main() -> ExitCode {
         #[cfg(feature = "embree")]
         Command::Reference(arguments) => reference::run(*arguments),
         Command::Compare(arguments) => compare::run(arguments),
+        Command::Converge(arguments) => converge::run_command(*arguments),
         Command::Info(arguments) => info::run(arguments),
     };
     match result {

@@ -29,4 +29,4 @@ pub use layout::{FeaturePixel, FilmPixel, SceneTable, WAVEFRONT_STRUCTS};
 pub use material_record::{Family, MATERIAL_STRUCTS, MaterialRecord, MaterialTable, family};
 pub use renderer::{Options, Renderer};
 pub use session::{Limits, Progress, Stopped, run};
-pub use settings::{Sampler, Settings, Traversal, UnknownChoice};
+pub use settings::{BsdfSampling, Sampler, Settings, Traversal, UnknownChoice};

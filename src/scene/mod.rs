@@ -9,7 +9,7 @@
 mod brdf;
 mod camera;
 mod decode;
-mod error;
+pub(crate) mod error;
 mod file;
 mod hash;
 mod light;
@@ -21,7 +21,7 @@ mod normals;
 mod obj;
 mod polygon;
 mod statements;
-mod table;
+pub(crate) mod table;
 mod texture;
 
 pub use brdf::{Brdf, Nbrdf, SamplingLobe};
