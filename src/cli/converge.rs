@@ -5,10 +5,13 @@ use std::process::ExitCode;
 use std::sync::atomic::Ordering;
 
 use anyhow::{Context, Result, bail};
+use neubrdf::converge::stability::cases;
 use neubrdf::converge::study::{
     AXES, Analysis, Axes, Clock, Event, Gate, Plan, RECORD_FILE, Record, ScenePlan, change_lines, compare, run,
     summary_text, verdict_lines, write_report,
 };
+use neubrdf::gpu::{DeviceChoice, Instance, Validation};
+use neubrdf::image::atomic_write;
 use neubrdf::scene::Film;
 
 use super::job::film_size;
@@ -20,8 +23,11 @@ pub struct Arguments {
     /// Scene files (.toml) or bare .obj files; with --study those of the study if none are given
     scenes: Vec<PathBuf>,
     /// Directory for the report: report.html, runs.csv, study.json, pictures
-    #[arg(short, long, value_name = "DIRECTORY")]
-    output: PathBuf,
+    #[arg(short, long, value_name = "DIRECTORY", required_unless_present = "suite")]
+    output: Option<PathBuf>,
+    /// Run a named suite of hard cases instead of a study: stability
+    #[arg(long, value_name = "NAME", conflicts_with_all = ["scenes", "study", "gate", "compare", "resume"])]
+    suite: Option<Suite>,
     /// A study file (TOML), of which the other options replace what they say
     #[arg(long, value_name = "TOML")]
     study: Option<PathBuf>,
@@ -96,7 +102,13 @@ pub struct Arguments {
     quiet: bool,
 }
 
-/// A threshold is broken.
+/// Suites by name.
+#[derive(Clone, Copy, clap::ValueEnum)]
+enum Suite {
+    Stability,
+}
+
+/// A threshold is broken, or a case of a suite.
 const BROKEN: u8 = 3;
 
 fn clock(word: &str) -> Result<Clock, String> {
@@ -162,6 +174,10 @@ impl Arguments {
 
 /// Plans, renders, reports, judges.
 pub fn run_command(arguments: Arguments) -> Result<ExitCode> {
+    if let Some(Suite::Stability) = arguments.suite {
+        return stability(&arguments);
+    }
+    let Some(output) = arguments.output.as_deref() else { bail!("say where to with -o DIRECTORY") };
     let plan = arguments.plan()?;
     plan.check()?;
     // Mistakes in these files are told before hours of work.
@@ -191,11 +207,11 @@ pub fn run_command(arguments: Arguments) -> Result<ExitCode> {
             bar.set_position((done as f64 / total.max(1) as f64 * progress::STEPS as f64) as u64);
         }
     };
-    let record = run(&plan, &arguments.output, &cache, arguments.resume, &observe, &interrupted)?;
+    let record = run(&plan, output, &cache, arguments.resume, &observe, &interrupted)?;
     bar.finish_and_clear();
 
     let analysis = Analysis::of(&record);
-    let page = write_report(&record, &analysis, &arguments.output)?;
+    let page = write_report(&record, &analysis, output)?;
     if !arguments.quiet {
         print!("{}", summary_text(&record, &analysis));
         println!("report: {}", page.display());
@@ -217,6 +233,48 @@ pub fn run_command(arguments: Arguments) -> Result<ExitCode> {
     let broken = verdicts.iter().filter(|verdict| !verdict.holds).count();
     if broken > 0 {
         eprintln!("{broken} of {} thresholds are broken", verdicts.len());
+        return Ok(ExitCode::from(BROKEN));
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+/// Runs the hard cases on a device and prints a table; with -o as stability.md there too.
+fn stability(arguments: &Arguments) -> Result<ExitCode> {
+    // The layer's messages are part of the verdict, where it is installed.
+    let instance = Instance::new(Validation::Sync).or_else(|_| Instance::new(Validation::Off))?;
+    let device = match arguments.device.as_slice() {
+        [] => instance.open(&DeviceChoice::Auto)?,
+        [name] => instance.open(&DeviceChoice::Named(name.clone()))?,
+        _ => bail!("--suite takes one --device"),
+    };
+    let cases = cases();
+    let bar = progress::bar(cases.len() as u64, arguments.quiet);
+    let mut table = format!("{} ({})\n\n| case | holds | found |\n|---|---|---|\n", device.name(), device.driver());
+    let mut broken = 0;
+    for case in &cases {
+        bar.set_message(case.name);
+        let mut outcome = case.run(&device);
+        let messages = instance.validation_messages();
+        if let Some(first) = messages.first() {
+            outcome.holds = false;
+            outcome.message = format!("{}; {} validation messages: {first}", outcome.message, messages.len());
+        }
+        broken += usize::from(!outcome.holds);
+        table += &format!("| {} | {} | {} |\n", case.name, if outcome.holds { "yes" } else { "**no**" }, outcome.message);
+        bar.inc(1);
+    }
+    bar.finish_and_clear();
+    print!("{table}");
+    if let Some(directory) = &arguments.output {
+        std::fs::create_dir_all(directory).with_context(|| directory.display().to_string())?;
+        atomic_write(directory.join("stability.md"), |file| {
+            use std::io::Write;
+            file.write_all(table.as_bytes())
+                .map_err(|source| neubrdf::image::Error::Io { path: directory.join("stability.md"), source })
+        })?;
+    }
+    if broken > 0 {
+        eprintln!("{broken} of {} cases do not hold", cases.len());
         return Ok(ExitCode::from(BROKEN));
     }
     Ok(ExitCode::SUCCESS)

@@ -2,6 +2,7 @@
 
 mod compare;
 mod converge;
+mod export;
 mod info;
 mod job;
 mod progress;
@@ -32,6 +33,8 @@ enum Command {
     Compare(compare::Arguments),
     /// Measure how error falls with time, method by method, and test for bias.
     Converge(Box<converge::Arguments>),
+    /// Write a scene as Mitsuba 3 reads it.
+    Export(export::Arguments),
     /// List the Vulkan devices, what each would be used for, and what an unfit one lacks.
     Info(info::Arguments),
 }
@@ -44,6 +47,7 @@ pub fn main() -> ExitCode {
         Command::Reference(arguments) => reference::run(*arguments),
         Command::Compare(arguments) => compare::run(arguments),
         Command::Converge(arguments) => converge::run_command(*arguments),
+        Command::Export(arguments) => export::run(arguments),
         Command::Info(arguments) => info::run(arguments),
     };
     match result {

@@ -1,5 +1,6 @@
 //! Whether two pictures show the same radiance, and how fast they come to: error metrics, statistical tests, [`study`].
 
+pub mod stability;
 pub mod study;
 
 mod chi_square;
@@ -8,6 +9,7 @@ mod compare;
 mod estimate;
 mod line;
 mod metrics;
+mod mitsuba;
 mod normal;
 mod student;
 mod z_test;
@@ -18,6 +20,7 @@ pub use clock::{Stopwatch, Timing, cores, load_average};
 pub use estimate::{CONFIDENCE, Estimate};
 pub use line::Line;
 pub use metrics::Metrics;
+pub use mitsuba::{ExportError, Mitsuba, MitsubaError, export_mitsuba};
 pub use normal::{sidak, two_sided_p};
 pub use student::{student_t, two_sided_t};
 pub use z_test::{ZTest, ZTestOptions};

@@ -1,6 +1,7 @@
 //! What renders for a study: a scene and a method, ready to be asked for pictures.
 
 use std::collections::HashMap;
+use std::marker::PhantomData;
 use std::ops::ControlFlow;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -9,6 +10,7 @@ use serde::{Deserialize, Serialize};
 
 use super::error::Error;
 use super::method::{self, Method, Precision};
+use crate::converge::Mitsuba;
 use crate::converge::clock::{Stopwatch, Timing};
 use crate::gpu::{Device, DeviceChoice, Instance, Validation};
 use crate::image::Picture;
@@ -68,9 +70,8 @@ pub enum Engine<'a> {
     /// Embree.
     #[cfg(feature = "embree")]
     Embree(Box<crate::reference::Reference<'a>>, u32),
-    /// Nothing else holds the scene.
-    #[cfg(not(feature = "embree"))]
-    Never(std::convert::Infallible, &'a Scene),
+    /// Mitsuba; the scene is nobody else's.
+    Mitsuba(Box<Mitsuba>, PhantomData<&'a Scene>),
 }
 
 impl<'a> Engine<'a> {
@@ -126,7 +127,19 @@ impl<'a> Engine<'a> {
             method::Engine::Embree => {
                 Err(unavailable("device", "embree", "another: this build has no Embree (cargo feature `embree`)"))
             }
-            method::Engine::Mitsuba => Err(unavailable("device", "mitsuba", "another")),
+            method::Engine::Mitsuba => {
+                let mut mitsuba = Mitsuba::start(scene, max_depth)?;
+                let build_seconds = building.stop().seconds;
+                let first_pass = Stopwatch::own();
+                mitsuba.render(1, u32::MAX)?;
+                let preparation = Preparation {
+                    build_seconds,
+                    first_pass_seconds: first_pass.stop().seconds,
+                    device: mitsuba.name(),
+                    traversal: String::new(),
+                };
+                Ok((Engine::Mitsuba(Box::new(mitsuba), PhantomData), preparation))
+            }
         }
     }
 
@@ -160,8 +173,10 @@ impl<'a> Engine<'a> {
                 let is_whole = !stop.load(Ordering::SeqCst);
                 Ok(is_whole.then_some(Rendered { picture, timing, rejected: 0 }))
             }
-            #[cfg(not(feature = "embree"))]
-            Engine::Never(never, _) => match *never {},
+            Engine::Mitsuba(mitsuba, _) => {
+                let (picture, timing) = mitsuba.render(spp, seed)?;
+                Ok(Some(Rendered { picture, timing, rejected: 0 }))
+            }
         }
     }
 }

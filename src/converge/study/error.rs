@@ -46,8 +46,8 @@ pub enum Error {
         expected: String,
     },
     /// Mitsuba said no.
-    #[error("Mitsuba: {0}")]
-    Mitsuba(String),
+    #[error(transparent)]
+    Mitsuba(#[from] crate::converge::MitsubaError),
     /// The directory already holds a study.
     #[error("{} holds a study: say --resume to go on with it, or name another directory", path.display())]
     Occupied {

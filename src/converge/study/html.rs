@@ -197,8 +197,9 @@ fn bias(method: &MethodResult, entry: Option<&MethodRecord>) -> String {
     let p = method.bias_p.unwrap_or(f64::NAN);
     let against = entry.and_then(|entry| entry.model.as_ref()).map_or("", |_| ", as an estimator of its model");
     let title = format!(
-        "{} spp against {} spp{against}: p of blocks {:.2e}, of the mean {:.2e}; worst block at {:?}, z {:+.2}; z rms {:.3}; mean differs by {:+.2e}",
-        test.spp, test.reference_spp, test.p_blocks, test.p_mean, test.worst_pixel, test.worst_z, test.z_rms, test.relative_bias
+        "{} spp against {} spp{against}: p of blocks of {b} × {b} pixels {:.2e}, of the mean {:.2e}; worst block at {:?}, z {:+.2}; z rms {:.3}; mean differs by {:+.2e}",
+        test.spp, test.reference_spp, test.p_blocks, test.p_mean, test.worst_pixel, test.worst_z, test.z_rms, test.relative_bias,
+        b = test.block
     );
     match p < SIGNIFICANCE || p.is_nan() {
         true => format!("<b class=\"bad\" title=\"{title}\">✗ yes</b> <small>p = {p:.1e}</small>"),
@@ -411,7 +412,7 @@ fn explanation(record: &Record) -> String {
          <li><b>of it noise</b>: the spread of repetitions about each other, which needs no reference. Slope, efficiency and times are of it.</li>\
          <li><b>slope</b>: d ln noise / d ln spp; −1 for independent samples. <b>efficiency</b>: 1 / (noise · seconds) at the top of the ladder, relative to the first method.</li>\
          <li><b>s to relMSE</b>: floor and noise together; <i>in italics</i> beyond what was rendered; “never” below the floor.</li>\
-         <li><b>biased?</b>: all samples of a method as one picture against the reference, by blocks of 4 × 4 pixels and by the mean, corrected (Šidák) for all tests of the study; p &lt; {SIGNIFICANCE} counts.</li>\
+         <li><b>biased?</b>: all samples of a method as one picture against the reference, by blocks of pixels, as small as the noise allows, and by the mean, corrected (Šidák) for all tests of the study; p &lt; {SIGNIFICANCE} counts.</li>\
          <li><b>error floor</b>: what is left of the relMSE when noise is gone: the error of the material’s model; said if it is beyond chance at 99 %.</li>\
          </ul><p class=\"facts\">Formulas and sources: docs/convergence.md.</p></section>\n"
     )

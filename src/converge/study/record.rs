@@ -148,7 +148,9 @@ pub struct BiasTest {
     pub spp: u64,
     /// Samples a pixel of the reference.
     pub reference_spp: u64,
-    /// Of the most different block of 4 × 4 pixels, corrected for their number.
+    /// Side of the blocks, pixels.
+    pub block: u32,
+    /// Of the most different block, corrected for their number.
     #[serde(deserialize_with = "or_nan")]
     pub p_blocks: f64,
     /// Of the picture's mean, corrected for three channels.

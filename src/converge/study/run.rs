@@ -390,6 +390,9 @@ pub fn picture_file(pictures: &Path, spp: u32, repetition: u32) -> PathBuf {
     pictures.join(format!("{spp}-{repetition}.exr"))
 }
 
+/// Pictures without variance whose spread tells it well enough for a test.
+const FEWEST_FOR_SPREAD: usize = 8;
+
 /// The products of differences of each rung, and the test of everything together.
 fn conclude(entry: &mut MethodRecord, pictures: &Path, truths: &Truths, ladder: &[u32]) -> Result<(), Error> {
     entry.products.clear();
@@ -424,43 +427,61 @@ fn conclude(entry: &mut MethodRecord, pictures: &Path, truths: &Truths, ladder: 
     }
     if let Some(expected) = truths.of(entry.model.as_deref()).filter(|truth| truth.about.has_variance)
         && let Some(mean) = average(&everything)
+        && mean.rgb(plane::VARIANCE).is_some()
+        && (everything[0].rgb(plane::VARIANCE).is_some() || everything.len() >= FEWEST_FOR_SPREAD)
     {
         entry.bias = Some(test(&mean, expected)?);
     }
     Ok(())
 }
 
-/// All samples of independent pictures as one picture; `None` of none.
+/// All samples of independent pictures as one picture; `None` of none. Its variance is that of theirs, or, where they have none,
+/// that of their spread about it; absent if there is a single one.
 pub fn average(pictures: &[Picture]) -> Option<Picture> {
     let first = pictures.first()?;
-    let mut mean = Picture::new(first.width, first.height);
     let count = first.pixels();
     let mut samples = vec![0u64; count];
-    let mut sums = [vec![[0.0f64; 3]; count], vec![[0.0f64; 3]; count]];
+    let mut sums = vec![[0.0f64; 3]; count];
     for picture in pictures {
-        let (beauty, variance) = (picture.rgb(plane::BEAUTY)?, picture.rgb(plane::VARIANCE)?);
+        let beauty = picture.rgb(plane::BEAUTY)?;
         for (pixel, weight) in picture.u32(plane::SAMPLES)?.iter().enumerate() {
             samples[pixel] += u64::from(*weight);
-            let weight = f64::from(*weight);
-            for channel in 0..3 {
-                sums[0][pixel][channel] += weight * f64::from(beauty[pixel][channel]);
-                sums[1][pixel][channel] += weight * weight * f64::from(variance[pixel][channel]);
-            }
+            sums[pixel] = std::array::from_fn(|c| sums[pixel][c] + f64::from(*weight) * f64::from(beauty[pixel][c]));
         }
     }
-    for (names, sums, power) in [(plane::BEAUTY, &sums[0], 1), (plane::VARIANCE, &sums[1], 2)] {
-        let quotients = sums.iter().zip(&samples).map(|(sum, samples)| {
-            let divisor = (*samples as f64).powi(power).max(1.0);
-            sum.map(|sum| (sum / divisor) as f32)
-        });
-        mean.set_rgb(names, &quotients.collect::<Vec<_>>());
+    let total = |pixel: usize| samples[pixel].max(1) as f64;
+    let mean: Vec<[f64; 3]> = (0..count).map(|pixel| sums[pixel].map(|sum| sum / total(pixel))).collect();
+
+    let mut variance = vec![[0.0f64; 3]; count];
+    let has_variance = pictures.iter().all(|picture| picture.rgb(plane::VARIANCE).is_some());
+    for picture in pictures {
+        let weights = picture.u32(plane::SAMPLES)?;
+        let plane = picture.rgb(if has_variance { plane::VARIANCE } else { plane::BEAUTY })?;
+        for pixel in 0..count {
+            let part = f64::from(weights[pixel]) / total(pixel);
+            variance[pixel] = std::array::from_fn(|c| {
+                let value = f64::from(plane[pixel][c]);
+                variance[pixel][c] + match has_variance {
+                    true => part * part * value,
+                    // Σ n (x − m)² / (K − 1) is the variance of a sample.
+                    false => part * (value - mean[pixel][c]).powi(2) / (pictures.len() as f64 - 1.0),
+                }
+            });
+        }
     }
-    mean.set(plane::SAMPLES, Samples::U32(samples.iter().map(|count| (*count).min(u64::from(u32::MAX)) as u32).collect()));
-    Some(mean)
+    let mut picture = Picture::new(first.width, first.height);
+    let narrow = |plane: &[[f64; 3]]| plane.iter().map(|pixel| pixel.map(|value| value as f32)).collect::<Vec<_>>();
+    picture.set_rgb(plane::BEAUTY, &narrow(&mean));
+    if has_variance || pictures.len() > 1 {
+        picture.set_rgb(plane::VARIANCE, &narrow(&variance));
+    }
+    let most = u64::from(u32::MAX);
+    picture.set(plane::SAMPLES, Samples::U32(samples.iter().map(|count| (*count).min(most) as u32).collect()));
+    Some(picture)
 }
 
 fn test(mean: &Picture, expected: &GroundTruth) -> Result<BiasTest, Error> {
-    let test = ZTest::of(mean, &expected.picture, ZTestOptions::default())?;
+    let test = ZTest::of(mean, &expected.picture, ZTestOptions::for_noise(mean, &expected.picture)?)?;
     let metrics = Metrics::of(mean, &expected.picture, 0.0)?;
     Ok(BiasTest {
         spp: mean.u32(plane::SAMPLES).and_then(|samples| samples.iter().min().copied()).unwrap_or(0).into(),
@@ -468,6 +489,7 @@ fn test(mean: &Picture, expected: &GroundTruth) -> Result<BiasTest, Error> {
         p_blocks: test.p_blocks,
         p_mean: test.p_mean,
         p: test.p,
+        block: test.block,
         z_mean: test.z_mean,
         worst_z: test.worst_z,
         worst_pixel: test.worst_pixel,
