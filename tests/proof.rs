@@ -57,7 +57,7 @@ fn reference(scene: &Scene) -> Picture {
 
 /// Independent numbers, so that the spread of a pixel's samples is the variance of its mean.
 fn settings() -> Settings {
-    Settings { max_depth: MAX_DEPTH, seed: 2, sampler: Sampler::Pcg, crop: None, features: false }
+    Settings { max_depth: MAX_DEPTH, seed: 2, sampler: Sampler::Pcg, features: false, ..Settings::default() }
 }
 
 fn prove(driver_name: &str, traversals: &[Traversal], scenes: &[(String, Scene)]) {

@@ -34,4 +34,4 @@ pub use neubrdf_table::{
 };
 pub use renderer::{Options, Renderer};
 pub use session::{Limits, Progress, Stopped, run};
-pub use settings::{Sampler, Settings, Traversal, UnknownChoice};
+pub use settings::{BsdfSampling, Sampler, Settings, Traversal, UnknownChoice};

@@ -9,7 +9,7 @@
 pub mod brdf;
 mod camera;
 mod decode;
-mod error;
+pub(crate) mod error;
 mod file;
 mod hash;
 mod layered;
@@ -23,7 +23,7 @@ mod obj;
 mod polygon;
 mod statements;
 mod surface_file;
-mod table;
+pub(crate) mod table;
 mod texture;
 mod woven;
 

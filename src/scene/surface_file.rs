@@ -5,10 +5,13 @@ use std::sync::Arc;
 
 use glam::Vec3;
 
-use super::file::{read_text, surface};
+use super::file::surface;
 use super::mtl::Library;
-use super::table::{Source, Table};
+use super::table::{Source, Table, read_text};
 use super::{Brdf, Color, Error, Surface};
+
+/// Longest file of one material, bytes.
+const LONGEST_FILE: u64 = 1 << 20;
 
 impl Surface {
     /// Loads a TOML file whose keys are those of a material of a scene file, or a file that [`Brdf::load`] knows, of which `name`
@@ -22,7 +25,7 @@ impl Surface {
         if !path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("toml")) {
             return Ok((Surface::Measured { brdf: 0 }, vec![Arc::new(Brdf::load(path, name)?)]));
         }
-        let text = read_text(path)?;
+        let text = read_text(path, LONGEST_FILE)?;
         let source = Source { file: path, text: &text };
         let entries = source.parse()?;
         let table = Table::root(source, &entries);

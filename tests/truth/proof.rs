@@ -68,7 +68,8 @@ fn every_ball_agrees_with_embree() {
     let scene = balls();
     let options = ReferenceOptions { spp: 256, seed: 1, max_depth: MAX_DEPTH, crop: None };
     let reference = Reference::new(&scene).unwrap().render(&options, |_| {}, &AtomicBool::new(false)).unwrap().0;
-    let settings = Settings { max_depth: MAX_DEPTH, seed: 2, sampler: Sampler::Pcg, crop: None, features: false };
+    let settings =
+        Settings { max_depth: MAX_DEPTH, seed: 2, sampler: Sampler::Pcg, features: false, ..Settings::default() };
     for (name, samples) in [(LAVAPIPE, 128), (SWIFTSHADER, 32)] {
         let Some(driver) = driver(name) else { continue };
         let options = Options { traversal: Some(Traversal::Bvh), pool_paths: None };
