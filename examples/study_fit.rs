@@ -38,7 +38,8 @@ struct Arguments {
 }
 
 /// Where the published networks are, if they are.
-const PUBLISHED: [&str; 2] = ["../shared/data/nbrdf/merl.safetensors", "../shared/data/nbrdf/rgl-isotropic.safetensors"];
+const PUBLISHED: [&str; 2] =
+    ["../shared/data/nbrdf/merl.safetensors", "../shared/data/nbrdf/rgl-isotropic.safetensors"];
 
 /// Pixels to a side of the balls.
 const BALL: usize = 128;
@@ -129,9 +130,8 @@ fn outcome(arguments: &Arguments, truth: &Truth, model: Model) -> Result<Outcome
         }
         None => (size_of::<neubrdf::scene::brdf::Nbrdf>(), session.evaluator()),
     };
-    let measured = |pairs: &[[DVec3; 2]]| -> Vec<DVec3> {
-        pairs.par_iter().map(|[wo, wi]| (truth.measured)(*wo, *wi)).collect()
-    };
+    let measured =
+        |pairs: &[[DVec3; 2]]| -> Vec<DVec3> { pairs.par_iter().map(|[wo, wi]| (truth.measured)(*wo, *wi)).collect() };
     let FitErrors { pairs, ball, worst_albedo, .. } =
         compare(BALL, truth.is_isotropic, &|pairs| evaluator.eval(pairs), &measured).errors;
     let outcome = Outcome {
@@ -242,9 +242,8 @@ fn ours() -> Vec<Truth> {
     let chromium = Fresnel::Complex { eta: rgb(3.638, 3.116, 1.928), kappa: rgb(4.364, 4.423, 4.168) };
     let metal = |fresnel, x: f32, y: f32| Surface::Conductor { fresnel, alpha: Vec2::new(x, y) };
     let coated = |albedo: Vec3, alpha: f32| Surface::Coated { albedo: Color::constant(albedo), ior: 1.5, alpha };
-    let layered = |alpha: f32, absorption: Vec3, base: LayerBase| {
-        Surface::Layered(Layered { ior: 1.5, alpha, absorption, base })
-    };
+    let layered =
+        |alpha: f32, absorption: Vec3, base: LayerBase| Surface::Layered(Layered { ior: 1.5, alpha, absorption, base });
     let matte = |albedo: Vec3| LayerBase::Diffuse { albedo };
     let under = |fresnel, x: f32, y: f32| LayerBase::Conductor { fresnel, alpha: Vec2::new(x, y) };
     let yarn = |coverage: f32, gloss: f32, albedo: Vec3, specular_width: f32| Yarn {

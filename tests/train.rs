@@ -50,7 +50,16 @@ fn small_plans() -> [Plan; 3] {
     [
         small(Recipe::Default),
         Plan { codes: [16, 32], ..small(Recipe::Default) },
-        Plan { codes: [16; 2], hidden: 32, pruned: 16, n_side: [4; 2], features: 8, steps: 60, batch: 256, ..small(Recipe::Paper) },
+        Plan {
+            codes: [16; 2],
+            hidden: 32,
+            pruned: 16,
+            n_side: [4; 2],
+            features: 8,
+            steps: 60,
+            batch: 256,
+            ..small(Recipe::Paper)
+        },
     ]
 }
 
@@ -75,7 +84,8 @@ fn the_fast_evaluation_is_that_of_the_definition() {
         let brdf = NeuBrdf::decode(&finish(&mut session)).unwrap();
         let pairs: Vec<[DVec3; 2]> = (0..500)
             .map(|i| {
-                let at = |k: f64| DVec3::new((k * 1.7).sin(), (k * 0.9).cos(), 1e-3 + (k * 0.37).sin().abs()).normalize();
+                let at =
+                    |k: f64| DVec3::new((k * 1.7).sin(), (k * 0.9).cos(), 1e-3 + (k * 0.37).sin().abs()).normalize();
                 [at(f64::from(i)), at(f64::from(i) + 0.5)]
             })
             .collect();
@@ -211,7 +221,8 @@ fn a_check_finds_what_is_wrong() {
     let lopsided = |pairs: &[[DVec3; 2]]| pairs.iter().map(|[wo, _]| DVec3::splat(wo.z)).collect::<Vec<_>>();
     let bad = check(true, &lopsided);
     assert!(bad.reciprocity_error > 0.1 && bad.max_albedo > 3.0, "{bad:?}");
-    let broken = |pairs: &[[DVec3; 2]]| pairs.iter().map(|[wo, wi]| DVec3::splat((wi.z - wo.z).ln())).collect::<Vec<_>>();
+    let broken =
+        |pairs: &[[DVec3; 2]]| pairs.iter().map(|[wo, wi]| DVec3::splat((wi.z - wo.z).ln())).collect::<Vec<_>>();
     assert!(check(true, &broken).non_finite > 0);
 }
 

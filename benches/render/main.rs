@@ -14,6 +14,8 @@ mod passes;
 mod peer;
 #[path = "../../tests/common/random_neubrdf.rs"]
 mod random_neubrdf;
+#[cfg(feature = "embree")]
+mod sphere;
 
 use std::path::{Path, PathBuf};
 
@@ -42,9 +44,13 @@ fn main() -> Result<()> {
             "neubrdf" => neubrdf::run()?,
             #[cfg(feature = "embree")]
             "error" => error::run()?,
+            #[cfg(feature = "embree")]
+            "sphere" => sphere::run()?,
             #[cfg(not(feature = "embree"))]
-            "error" => bail!("section error needs the Embree reference: cargo bench --features embree"),
-            _ => bail!("no section '{section}': expected some of cornell, error, passes, cold, memory, neubrdf"),
+            "error" | "sphere" => bail!("section {section} needs the Embree reference: cargo bench --features embree"),
+            _ => {
+                bail!("no section '{section}': expected some of cornell, error, passes, cold, memory, neubrdf, sphere")
+            }
         }
     }
     Ok(())

@@ -2,10 +2,8 @@
 
 use anyhow::{Context, Result};
 use glam::{Affine3A, Vec3};
-use neubrdf::scene::{
-    Brdf, Camera, Color, CornerWeights, Dense, Encoding, Environment, Film, Instance, Material, Mesh, NeuBrdf, SamplingLobe,
-    Scene, SphereGrid, SphereTable, Surface,
-};
+use neubrdf::scene::brdf::{CornerWeights, Dense, Encoding, NeuBrdf, SphereGrid, SphereTable};
+use neubrdf::scene::{Brdf, Camera, Color, Environment, Film, Instance, Material, Mesh, SamplingLobe, Scene, Surface};
 use serde_json::{Value, json};
 use std::sync::Arc;
 
@@ -54,7 +52,7 @@ fn random_network() -> Option<NeuBrdf> {
         wo,
         layers: LAYERS.windows(2).map(layer).collect(),
         encoding: Encoding { gain: 1.0, scale: 1.0, max: 1e4 },
-        lobe: SamplingLobe { alpha: [ALPHA; 2], weight: [0.5; SamplingLobe::NODES] },
+        lobe: SamplingLobe { alpha: [[ALPHA; 2]; 2], weight: [[0.5, 0.0]; SamplingLobe::NODES] },
         provenance: Default::default(),
     })
 }
@@ -78,7 +76,8 @@ fn for_mitsuba(brdf: &NeuBrdf) -> Value {
 
 /// A ball on a grey ground under a lamp and a sky, z up, as in benches/mitsuba_scene.py.
 fn scene(brdf: NeuBrdf) -> Scene {
-    let material = |name: &str, surface, emission| Material { name: name.into(), surface, emission, emits_both_sides: false };
+    let material =
+        |name: &str, surface, emission| Material { name: name.into(), surface, emission, emits_both_sides: false };
     let grey = || Surface::Diffuse { albedo: Color::constant(Vec3::splat(0.5)) };
     let square = |center: Vec3, x: Vec3, y: Vec3, material| Mesh {
         positions: vec![center - x - y, center + x - y, center + x + y, center - x + y],
@@ -105,7 +104,7 @@ fn scene(brdf: NeuBrdf) -> Scene {
             material("ground", grey(), Vec3::ZERO),
             material("lamp", grey(), Vec3::splat(12.0)),
         ],
-        brdfs: vec![Arc::new(Brdf::NeuBrdf(brdf))],
+        brdfs: vec![Arc::new(Brdf::NeuBrdf(Box::new(brdf)))],
         textures: Vec::new(),
         environment: Some(Environment::constant(Vec3::splat(0.5))),
         sun: None,

@@ -60,7 +60,7 @@ fn pairs(sparse: &Sparse) -> Vec<Pair> {
         wi: sample.wi.as_vec3(),
         value: sample.value,
     };
-    sparse.samples.iter().map(pair).collect()
+    sparse.samples().iter().map(pair).collect()
 }
 
 /// A surface of a scene in its own colour, textures left out.

@@ -52,9 +52,8 @@ pub fn run(arguments: Arguments) -> Result<ExitCode> {
         }
     }
     let input = BrdfInput::load(&arguments.input, arguments.name.as_deref())?;
-    let eval = |pairs: &[[DVec3; 2]]| -> Vec<DVec3> {
-        pairs.par_iter().map(|[wo, wi]| input.brdf.eval(*wo, *wi)).collect()
-    };
+    let eval =
+        |pairs: &[[DVec3; 2]]| -> Vec<DVec3> { pairs.par_iter().map(|[wo, wi]| input.brdf.eval(*wo, *wi)).collect() };
     let is_isotropic = input.brdf.is_isotropic();
     let mut facts = serde_json::json!({"name": input.name, "is_isotropic": is_isotropic});
     if arguments.input.extension().and_then(|ending| ending.to_str()) == Some("neubrdf") {

@@ -29,9 +29,7 @@ impl Adam {
         let power = |beta: f32| 1.0 - f64::from(beta).powi(step.min(100_000) as i32) as f32;
         let (rate, correction) = (rate / power(BETA_1), 1.0 / power(BETA_2));
         Arch::new().dispatch(|| {
-            for (((parameter, gradient), first), second) in
-                parameters.iter_mut().zip(gradient).zip(first).zip(second)
-            {
+            for (((parameter, gradient), first), second) in parameters.iter_mut().zip(gradient).zip(first).zip(second) {
                 *first += (1.0 - BETA_1) * (gradient - *first);
                 *second += (1.0 - BETA_2) * (gradient * gradient - *second);
                 *parameter -= rate * *first / ((*second * correction).sqrt() + EPSILON);

@@ -101,7 +101,8 @@ fn parse(bytes: &[u8]) -> Result<(Header, &[u8]), &'static str> {
         return Err("its checksum does not match: it was cut short or changed");
     }
     let (length, rest) = rest.split_first_chunk::<4>().ok_or("it is too short")?;
-    let (header, rest) = rest.split_at_checked(u32::from_le_bytes(*length) as usize).ok_or("its header is cut short")?;
+    let (header, rest) =
+        rest.split_at_checked(u32::from_le_bytes(*length) as usize).ok_or("its header is cut short")?;
     Ok((serde_json::from_slice(header).map_err(|_| "its header is of another version")?, rest))
 }
 

@@ -73,7 +73,11 @@ impl Evaluator {
                 let frame = in_frame(wo, wi, self.is_isotropic);
                 let sides = [0, 1];
                 let views = sides.map(|side| Rows { features: tables[side].features as usize, rows: &rows[side] });
-                gather_features(&views, &sides.map(|side| Corners::of(&tables[side], frame[side], *corner_weights)), row);
+                gather_features(
+                    &views,
+                    &sides.map(|side| Corners::of(&tables[side], frame[side], *corner_weights)),
+                    row,
+                );
             }
         }
     }

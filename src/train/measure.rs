@@ -138,7 +138,11 @@ pub fn pair_errors(count: usize, seed: u64, fit: Eval, truth: Eval) -> PairError
     }
     let [log_by_half_angle, log_by_view_angle] = bins.map(|bins| {
         let middle = |bin: usize| (bin as f64 + 0.5) * 90.0 / BINS as f64;
-        bins.iter().enumerate().filter(|(_, [_, count])| *count > 0.0).map(|(bin, [sum, count])| [middle(bin), sum / count]).collect()
+        bins.iter()
+            .enumerate()
+            .filter(|(_, [_, count])| *count > 0.0)
+            .map(|(bin, [sum, count])| [middle(bin), sum / count])
+            .collect()
     });
     PairErrors { log, relative_rmse: (square / norm.max(1e-300)).sqrt(), log_by_half_angle, log_by_view_angle }
 }

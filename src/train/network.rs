@@ -91,7 +91,8 @@ impl Network {
             let stride = padded(shape.inputs);
             for input in 0..shape.inputs {
                 for output in 0..shape.outputs {
-                    out[shape.transposed_start + output * stride + input] = self.parameters[shape.weight(output, input)];
+                    out[shape.transposed_start + output * stride + input] =
+                        self.parameters[shape.weight(output, input)];
                 }
             }
         }
@@ -264,7 +265,10 @@ mod tests {
             }
             for index in (0..ROWS * stride).filter(|index| index % stride < width) {
                 let expected = difference(&inputs, index, &|moved| loss(&parameters, moved));
-                assert!((f64::from(shard.input_gradient()[index]) - expected).abs() < 2e-5, "{widths:?}: input {index}");
+                assert!(
+                    (f64::from(shard.input_gradient()[index]) - expected).abs() < 2e-5,
+                    "{widths:?}: input {index}"
+                );
             }
         }
     }

@@ -149,7 +149,12 @@ impl Plan {
             "2 to 65534",
         )?;
         let batch = self.batch;
-        check("--batch", between(batch, 256, 1 << 16) && batch.is_multiple_of(256), batch.to_string(), "a multiple of 256, at most 65536")?;
+        check(
+            "--batch",
+            between(batch, 256, 1 << 16) && batch.is_multiple_of(256),
+            batch.to_string(),
+            "a multiple of 256, at most 65536",
+        )?;
         check("--steps", between(self.steps as usize, 1, 10_000_000), self.steps.to_string(), "1 to 10000000")?;
         check("--pairs", between(self.pairs, batch, 1 << 23), self.pairs.to_string(), "a batch to 8388608")?;
         for (name, rate) in [("learning rate", self.network_rate), ("learning rate", self.table_rate)] {

@@ -18,8 +18,7 @@ const THETAS: [f64; 4] = [0.0, 30.0, 55.0, 75.0];
 pub fn polar(gain: f64, brdfs: &[Eval]) -> String {
     const STEPS: usize = 720;
     let at = |angle: f64| DVec3::new(angle.sin(), 0.0, angle.cos());
-    let angles: Vec<f64> =
-        (1..STEPS).map(|step| FRAC_PI_2 * (2.0 * step as f64 / STEPS as f64 - 1.0)).collect();
+    let angles: Vec<f64> = (1..STEPS).map(|step| FRAC_PI_2 * (2.0 * step as f64 / STEPS as f64 - 1.0)).collect();
     let curve = |brdf: &Eval, theta: f64| -> Vec<f64> {
         let pairs: Vec<[DVec3; 2]> = angles.iter().map(|angle| [at(*angle), at(-theta.to_radians())]).collect();
         let radius = |(value, [wo, _]): (DVec3, &[DVec3; 2])| (gain * value.element_sum() / 3.0 * wo.z).ln_1p();
@@ -36,7 +35,10 @@ pub fn polar(gain: f64, brdfs: &[Eval]) -> String {
     );
     for part in 1..=3 {
         let radius = 100 * part;
-        let _ = writeln!(svg, "<path d=\"M-{radius} 0A{radius} {radius} 0 0 1 {radius} 0\" fill=\"none\" stroke=\"#ddd\"/>");
+        let _ = writeln!(
+            svg,
+            "<path d=\"M-{radius} 0A{radius} {radius} 0 0 1 {radius} 0\" fill=\"none\" stroke=\"#ddd\"/>"
+        );
     }
     for degrees in [-60, -30, 0, 30, 60] {
         let (sin, cos) = f64::from(degrees).to_radians().sin_cos();
@@ -77,12 +79,14 @@ pub fn line(x: &str, y: &str, points: &[[f64; 2]]) -> String {
         points.iter().map(|point| point[axis]).fold((0.0f64, 1e-12f64), |(low, high), v| (low.min(v), high.max(v)))
     };
     let ((left, right), (low, high)) = (bounds(0), bounds(1));
-    let place = |[x, y]: [f64; 2]| [60.0 + 480.0 * (x - left) / (right - left), 190.0 - 170.0 * (y - low) / (high - low)];
+    let place =
+        |[x, y]: [f64; 2]| [60.0 + 480.0 * (x - left) / (right - left), 190.0 - 170.0 * (y - low) / (high - low)];
     let mut svg = String::from(
         "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 560 230\" font-family=\"sans-serif\" font-size=\"11\">\n",
     );
     let _ = writeln!(svg, "<path d=\"M60 20V190H540\" fill=\"none\" stroke=\"#999\"/>");
-    let _ = writeln!(svg, "<text x=\"300\" y=\"222\" text-anchor=\"middle\">{x}</text><text x=\"60\" y=\"12\">{y}</text>");
+    let _ =
+        writeln!(svg, "<text x=\"300\" y=\"222\" text-anchor=\"middle\">{x}</text><text x=\"60\" y=\"12\">{y}</text>");
     for (value, anchor) in [(left, "start"), (right, "end")] {
         let [x, _] = place([value, low]);
         let _ = writeln!(svg, "<text x=\"{x:.1}\" y=\"205\" text-anchor=\"{anchor}\">{value:.0}</text>");

@@ -38,7 +38,14 @@ impl Report {
     }
 
     /// Writes the page. `fit` and `truth` are drawn as lobes.
-    pub fn write_html(&self, path: &Path, comparison: &Comparison, gain: f64, fit: Eval, truth: Eval) -> Result<(), Error> {
+    pub fn write_html(
+        &self,
+        path: &Path,
+        comparison: &Comparison,
+        gain: f64,
+        fit: Eval,
+        truth: Eval,
+    ) -> Result<(), Error> {
         write_text(path, &self.html(path, comparison, gain, fit, truth)?)
     }
 
@@ -85,7 +92,8 @@ impl Report {
             plot::polar(gain, &[fit, truth])
         );
         let name = "mean |Δ ln(1 + f)|";
-        let _ = writeln!(page, "<h2>Errors by angle</h2>\n{}", plot::line("θh, degrees", name, &pairs.log_by_half_angle));
+        let _ =
+            writeln!(page, "<h2>Errors by angle</h2>\n{}", plot::line("θh, degrees", name, &pairs.log_by_half_angle));
         page.push_str(&plot::line("θo, degrees", name, &pairs.log_by_view_angle));
         page.push_str("<h2>Directional albedo</h2>\n<table><tr><th>θo</th><th>φo</th><th>ground truth</th><th>fit</th><th>error</th></tr>\n");
         for at in albedo {

@@ -19,8 +19,12 @@ pub fn layers(network: &Network) -> Vec<Dense> {
 
 /// The opposite of [`layers`].
 pub fn network_of(layers: &[Dense]) -> Network {
-    let widths: Vec<usize> =
-        layers.iter().map(|layer| layer.inputs).chain(layers.last().map(|layer| layer.outputs)).map(|width| width as usize).collect();
+    let widths: Vec<usize> = layers
+        .iter()
+        .map(|layer| layer.inputs)
+        .chain(layers.last().map(|layer| layer.outputs))
+        .map(|width| width as usize)
+        .collect();
     let mut network = Network::zeros(&widths);
     for (layer, shape) in layers.iter().zip(network.shapes.clone()) {
         for (output, (row, bias)) in layer.weights.chunks_exact(shape.inputs).zip(&layer.bias).enumerate() {

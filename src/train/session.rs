@@ -5,7 +5,6 @@ use std::f32::consts::PI;
 use glam::DVec3;
 use rayon::prelude::*;
 
-use super::{Error, Evaluator};
 use super::gather::{Corners, in_frame};
 use super::network::Network;
 use super::pairs::{GroundTruth, Pair};
@@ -15,9 +14,10 @@ use super::random::Random;
 use super::result::{layers, nbrdf, sphere_table, whole_table};
 use super::table::{Quantiser, Table};
 use super::trainer::{Head, Inputs, Loss, Pool, Rates, Trainer};
+use super::{Error, Evaluator};
 use crate::material::fit_lobe;
-use crate::scene::{HalfDifference, SamplingLobe};
 use crate::scene::brdf::{Encoding, Nbrdf, NeuBrdf, Provenance, SphereGrid};
+use crate::scene::{HalfDifference, SamplingLobe};
 
 /// Share of the steps after which points are given codes: the features have settled, and the rest of the steps fits codes.
 const QUANTISE_AT: f32 = 0.4;
@@ -77,7 +77,8 @@ impl Session {
         let count = pairs.len().max(plan.batch).next_multiple_of(plan.batch);
         let pairs: Vec<Pair> = pairs.iter().copied().cycle().take(count).collect();
 
-        let [mut used, mut seen] = [grids.map(|grid| vec![false; grid.point_count()]), grids.map(|grid| vec![false; grid.pixel_count()])];
+        let [mut used, mut seen] =
+            [grids.map(|grid| vec![false; grid.point_count()]), grids.map(|grid| vec![false; grid.pixel_count()])];
         let inputs = match plan.model {
             Model::Nbrdf => direct_inputs(&pairs, is_isotropic),
             Model::NeuBrdf => corner_inputs(&plan, grids, is_isotropic, &pairs, &mut used, &mut seen),

@@ -268,9 +268,7 @@ fn softmax_backward(
     }
     let mut mean = 0.0;
     let products: Vec<f32> = codes.chunks_exact(features).map(|code| dot(code, gradient)).collect();
-    for ((share, product), to_code) in
-        to_scores.iter_mut().zip(&products).zip(to_codes.chunks_exact_mut(features))
-    {
+    for ((share, product), to_code) in to_scores.iter_mut().zip(&products).zip(to_codes.chunks_exact_mut(features)) {
         *share /= sum;
         mean += *share * product;
         to_code.iter_mut().zip(gradient).for_each(|(to, gradient)| *to += *share * gradient);
@@ -354,7 +352,13 @@ mod tests {
             let expected = if index == code * features { -0.01 } else { 0.0 };
             assert!((b - a - expected).abs() < 1e-6, "code number {index}");
         }
-        assert!(table.codes.chunks_exact(features).nth(code).is_some_and(|code| code == &table.rows[5 * features..][..features]));
+        assert!(
+            table
+                .codes
+                .chunks_exact(features)
+                .nth(code)
+                .is_some_and(|code| code == &table.rows[5 * features..][..features])
+        );
     }
 
     #[test]

@@ -6,10 +6,10 @@
 use rayon::prelude::*;
 
 use super::adam::Adam;
+use super::gather::{Corners, Rows, gather_features};
 use super::network::{Network, Shard};
 use super::product::padded;
 use super::random::Random;
-use super::gather::{Corners, Rows, gather_features};
 use super::table::{Quantiser, Table, TableStep};
 
 /// What the network sees of the pairs to learn from.
@@ -232,7 +232,6 @@ impl Trainer {
             })
             .collect()
     }
-
 }
 
 fn pairs_of(blocks: &[u32]) -> impl Iterator<Item = usize> {
@@ -384,15 +383,19 @@ mod tests {
         let row_gradient = shard.input_gradient().to_vec();
         let blocks: Vec<u32> = (0..(SHARD / BLOCK) as u32).collect();
         for side in 0..2 {
-            let mut scatter =
-                Scatter { gradient: vec![0.0; points * features], is_touched: vec![false; points], touched: Vec::new() };
+            let mut scatter = Scatter {
+                gradient: vec![0.0; points * features],
+                is_touched: vec![false; points],
+                touched: Vec::new(),
+            };
             scatter.add(features, side, &corners, &blocks, std::slice::from_ref(&shard));
             for point in 0..points {
                 for feature in 0..features {
                     let mut expected = 0.0;
                     for (row, at) in row_gradient.chunks_exact(padded(2 * features)).zip(&corners) {
                         let weights = at[side].points.iter().zip(at[side].weights);
-                        let weight: f32 = weights.filter(|(p, _)| **p as usize == point).map(|(_, weight)| weight).sum();
+                        let weight: f32 =
+                            weights.filter(|(p, _)| **p as usize == point).map(|(_, weight)| weight).sum();
                         expected += f64::from(weight) * f64::from(row[side * features + feature]);
                     }
                     let found = f64::from(scatter.gradient[point * features + feature]);

@@ -4,8 +4,8 @@
 pub mod bsdf_structs;
 pub mod gpu_structs;
 pub mod networks;
-pub mod tables;
 pub mod random_neubrdf;
+pub mod tables;
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;

@@ -25,7 +25,10 @@ pub fn cases() -> Vec<Case> {
             name: "into a corner",
             why: "three faces meet where every ray is aimed",
             trial: Trial::new(Scene {
-                camera: crate::scene::Camera { vertical_fov_degrees: 0.02, ..shining_box(at(0.0, 0.0, 0.0), Vec3::ONE).camera },
+                camera: crate::scene::Camera {
+                    vertical_fov_degrees: 0.02,
+                    ..shining_box(at(0.0, 0.0, 0.0), Vec3::ONE).camera
+                },
                 ..shining_box(at(0.0, 0.0, 0.0), Vec3::ONE)
             })
             .depth(1)
@@ -64,7 +67,11 @@ pub fn cases() -> Vec<Case> {
             why: "an absolute epsilon would swallow it",
             trial: Trial::new(still_life(1e-4)),
         },
-        Case { name: "a scene of 10⁵", why: "an absolute epsilon would be nothing", trial: Trial::new(still_life(1e5)) },
+        Case {
+            name: "a scene of 10⁵",
+            why: "an absolute epsilon would be nothing",
+            trial: Trial::new(still_life(1e5)),
+        },
         Case {
             name: "10⁴ from the origin",
             why: "positions are to 10⁻³ only, a thousandth of the scene",
@@ -96,8 +103,14 @@ pub fn cases() -> Vec<Case> {
 
 fn degenerate() -> Scene {
     let mut scene = still_life(1.0);
-    let positions =
-        [at(-1.0, 0.5, 1.0), at(1.0, 0.5, 1.0), at(-1.0, 0.5, 1.0), at(0.0, 0.5, 1.0), at(0.0, 0.500_001, 1.0), at(0.3, 0.3, 1.2)];
+    let positions = [
+        at(-1.0, 0.5, 1.0),
+        at(1.0, 0.5, 1.0),
+        at(-1.0, 0.5, 1.0),
+        at(0.0, 0.5, 1.0),
+        at(0.0, 0.500_001, 1.0),
+        at(0.3, 0.3, 1.2),
+    ];
     // A point, a segment, a corner that comes twice, slivers of 10⁻⁶.
     let corners = [[0, 0, 0], [0, 1, 3], [0, 2, 1], [0, 1, 4], [0, 4, 1], [5, 5, 1]];
     scene.meshes[0] = {
@@ -123,7 +136,11 @@ fn shining_sphere() -> Scene {
 fn axis_aligned() -> Scene {
     // Mirrors send every ray of an axis-aligned view back along an axis.
     let mut scene = scene(
-        vec![room(1.0, 0), quad([at(-0.5, 0.5, -0.9), at(-0.5, -0.5, -0.9), at(0.5, -0.5, -0.9), at(0.5, 0.5, -0.9)], 1), ceiling(0.5, 0.99, 2)],
+        vec![
+            room(1.0, 0),
+            quad([at(-0.5, 0.5, -0.9), at(-0.5, -0.5, -0.9), at(0.5, -0.5, -0.9), at(0.5, 0.5, -0.9)], 1),
+            ceiling(0.5, 0.99, 2),
+        ],
         vec![material(diffuse(0.6)), material(conductor(0.9, 0.0)), lamp(5.0)],
         at(0.0, 0.0, 0.9),
         Vec3::ZERO,

@@ -60,7 +60,8 @@ pub fn color(style: usize) -> &'static str {
 
 /// A sample of a series' line and marker, for tables.
 pub fn key(style: usize) -> String {
-    let mut svg = String::from("<svg class=\"key\" width=\"46\" height=\"14\" viewBox=\"0 0 46 14\" aria-hidden=\"true\">");
+    let mut svg =
+        String::from("<svg class=\"key\" width=\"46\" height=\"14\" viewBox=\"0 0 46 14\" aria-hidden=\"true\">");
     svg.push_str(&stroke([2.0, 7.0], [44.0, 7.0], style));
     svg.push_str(&marker(style, 23.0, 7.0));
     svg + "</svg>"
@@ -111,7 +112,8 @@ impl Plot {
         let points = || self.series.iter().flat_map(|series| &series.points).filter(|point| point.y > 0.0);
         let x = Axis::new(points().map(|point| point.x), LEFT, WIDTH - RIGHT);
         // Bars may reach down to nothing; the axis need not.
-        let ends = |point: &Point| [point.y, point.interval[0].max(point.y / 3.0), point.interval[1].min(point.y * 3.0)];
+        let ends =
+            |point: &Point| [point.y, point.interval[0].max(point.y / 3.0), point.interval[1].min(point.y * 3.0)];
         let floors = || self.series.iter().filter_map(|series| series.floor);
         let values: Vec<f64> = points().flat_map(ends).chain(floors()).collect();
         let y = Axis::new(values.iter().copied(), HEIGHT - BOTTOM, TOP);
