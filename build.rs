@@ -22,9 +22,22 @@ fn main() {
     println!("cargo:rerun-if-changed=build.rs");
     println!("cargo:rerun-if-changed=glsl");
     println!("cargo:rerun-if-changed=spirv");
+    tell_revision();
     if let Err(message) = build() {
         eprintln!("{message}");
         std::process::exit(1);
+    }
+}
+
+/// The commit as NEUBRDF_REVISION, where there is a repository.
+fn tell_revision() {
+    let git = |arguments: &[&str]| {
+        let output = Command::new("git").args(arguments).output().ok().filter(|output| output.status.success())?;
+        Some(String::from_utf8_lossy(&output.stdout).trim().to_owned())
+    };
+    if let (Some(revision), Some(log)) = (git(&["rev-parse", "HEAD"]), git(&["rev-parse", "--git-path", "logs/HEAD"])) {
+        println!("cargo:rustc-env=NEUBRDF_REVISION={revision}");
+        println!("cargo:rerun-if-changed={log}");
     }
 }
 

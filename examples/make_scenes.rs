@@ -32,6 +32,7 @@ fn main() -> Outcome {
 pub fn write_all(folder: &Path) -> Outcome {
     cornell(&folder.join("cornell"))?;
     preview(&folder.join("preview"))?;
+    neural(&folder.join("neural"))?;
     many_lights(&folder.join("many_lights"), 300)?;
     furnace(&folder.join("furnace"))?;
     sky(&folder.join("sky"))?;
@@ -176,6 +177,64 @@ metal = \"gold\"
 roughness = 0.35
 ";
     save(folder, &[("scene.toml", toml), ("preview.mtl", mtl), ("preview.obj", &obj.text)])
+}
+
+/// What `scenes/materials` holds, each as a ground truth (`.toml`) and as the network that was trained on it (`.neubrdf`).
+const NEURAL_MATERIALS: [&str; 10] = [
+    "gold_satin",
+    "chrome_polished",
+    "aluminium_brushed",
+    "copper_turned",
+    "plastic_red",
+    "lacquer_black",
+    "paint_blue",
+    "varnish_amber",
+    "satin_violet",
+    "denim",
+];
+
+/// Balls of the trained materials in `scenes/materials`, in two rows under two area lights.
+fn neural(folder: &Path) -> Outcome {
+    let mut obj = Obj::new("neural.mtl");
+    let mut toml = String::from(
+        "\
+# Balls of neural materials. Made by examples/make_scenes.rs.
+[camera]
+eye = [0, 4.6, 10.5]
+target = [0, 0.75, 0]
+fov = 26
+
+[film]
+width = 320
+height = 160
+
+[[mesh]]
+file = \"neural.obj\"
+",
+    );
+    let mut mtl =
+        String::from("newmtl floor\nKd 0.35 0.35 0.36\nnewmtl key\nKe 22 20.5 19\nnewmtl fill\nKe 6 7.5 10\n");
+    for (place, name) in NEURAL_MATERIALS.into_iter().enumerate() {
+        let (column, row) = ((place % 5) as f32, (place / 5) as f32);
+        obj.object(name, name);
+        obj.sphere(vec3(1.9 * (column - 2.0), 0.85, 1.9 * row - 0.95), 0.85, 16, 36);
+        writeln!(mtl, "newmtl {name}\nKd 0.5 0.5 0.5")?;
+        writeln!(toml, "\n[material.{name}]\ntype = \"measured\"\nfile = \"../materials/{name}.neubrdf\"")?;
+    }
+    obj.object("floor", "floor");
+    obj.sheet(1, 1, 1.0, |u, v| vec3(40.0 * (u - 0.5), 0.0, 40.0 * (0.5 - v)), false);
+    let light = |center: Vec3, size: f32| {
+        let normal = (vec3(0.0, 0.8, 0.0) - center).normalize();
+        let x = Vec3::Y.cross(normal).normalize();
+        let y = normal.cross(x);
+        [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]].map(|[a, b]| center + size * (a * x + b * y))
+    };
+    obj.object("key light", "key");
+    obj.quad(light(vec3(-5.0, 7.0, 5.0), 1.3));
+    obj.object("fill light", "fill");
+    obj.quad(light(vec3(7.0, 5.0, 4.0), 2.0));
+    toml += "\n[environment]\nradiance = [0.28, 0.3, 0.34]\n";
+    save(folder, &[("scene.toml", &toml), ("neural.mtl", &mtl), ("neural.obj", &obj.text)])
 }
 
 /// A room under `count` small triangles of light, their powers spread over four decades.

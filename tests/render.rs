@@ -4,13 +4,14 @@
 mod common;
 
 use std::ops::ControlFlow;
+use std::sync::Arc;
 
 use common::*;
 use glam::Vec3;
 use neubrdf::converge::Metrics;
 use neubrdf::image::{Crop, Picture, plane};
 use neubrdf::render::{Checkpoint, Features, Limits, Options, Renderer, Sampler, Settings, Stopped, Traversal, run};
-use neubrdf::scene::{Environment, LightTable, Scene, Sun, Surface};
+use neubrdf::scene::{Brdf, Environment, LightTable, Scene, Sun, Surface};
 
 fn settings() -> Settings {
     Settings { max_depth: 6, seed: 7, ..Settings::default() }
@@ -133,6 +134,43 @@ fn a_damaged_checkpoint_is_an_error() {
     driver.finish();
 }
 
+/// A renderer that begins again gives what a new one gives, with the old seed and with another.
+#[test]
+fn a_restarted_renderer_is_a_new_one() {
+    let Some(driver) = driver(LAVAPIPE) else { return };
+    let scene = still_life(conductor(0.8, 0.1));
+    let limits = Limits { samples: 3, seconds: None, error: None };
+    let picture = |renderer: &mut Renderer| {
+        run(renderer, &limits, |_, _| std::ops::ControlFlow::Continue(())).unwrap();
+        renderer.picture().unwrap().0
+    };
+    let mut renderer = Renderer::new(&driver.device, &scene, &settings(), &bvh()).unwrap();
+    let first = picture(&mut renderer);
+    renderer.restart(8).unwrap();
+    let second = picture(&mut renderer);
+    renderer.restart(settings().seed).unwrap();
+    assert_eq!(picture(&mut renderer), first);
+    let fresh = render(&driver.device, &scene, &Settings { seed: 8, ..settings() }, &bvh(), 3);
+    assert_eq!(second, fresh);
+    assert_ne!(bits(&first), bits(&second));
+    driver.finish();
+}
+
+/// Without light samples there is no kernel that traces shadows; a sun would never be found.
+#[test]
+fn light_sampling_can_be_left_out_but_not_with_a_sun() {
+    let Some(driver) = driver(LAVAPIPE) else { return };
+    let mut scene = still_life(diffuse(0.5));
+    let blind = Settings { light_sampling: false, ..settings() };
+    let renderer = Renderer::new(&driver.device, &scene, &blind, &bvh()).unwrap();
+    assert!(!renderer.kernel_names().contains(&"trace_shadow_bvh"));
+    drop(renderer);
+    scene.sun = Some(Sun { direction: Vec3::Y, irradiance: Vec3::ONE });
+    let error = Renderer::new(&driver.device, &scene, &blind, &bvh()).err().unwrap().to_string();
+    assert!(error.contains("light sampling is off") && error.contains("sun"), "{error}");
+    driver.finish();
+}
+
 #[test]
 fn a_scene_builds_only_the_kernels_that_it_needs() {
     let kernels = |scene: &Scene, settings: &Settings| {
@@ -163,6 +201,14 @@ fn a_scene_builds_only_the_kernels_that_it_needs() {
             "estimate_error"
         ]
     );
+    let mut measured = still_life(Surface::Measured { brdf: 0 });
+    measured.brdfs = vec![Arc::new(Brdf::Nbrdf(networks::made(3.0, 20.0, 0.05)))];
+    let names = kernels(&measured, &beauty);
+    assert!(names.contains(&"shade_nbrdf") && names.contains(&"shade_diffuse"), "{names:?}");
+    let mut unused = lamp_only.clone();
+    unused.brdfs = measured.brdfs;
+    unused.materials.push(material("nowhere", Surface::Measured { brdf: 0 }));
+    assert_eq!(kernels(&unused, &beauty), kernels(&lamp_only, &beauty), "no mesh has the measured material");
     let mut dark = lamp_only.clone();
     dark.materials[2].emission = Vec3::ZERO;
     assert_eq!(

@@ -633,3 +633,37 @@ fn ten_thousand_lights_are_normal() {
     assert!(warnings.is_empty(), "{warnings:?}");
     assert_eq!(LightTable::new(&scene).triangles.len(), 10_000);
 }
+
+#[test]
+fn a_file_of_one_material_says_what_a_scene_says_of_it() {
+    let table = "type = \"coated\"\nalbedo = [0.1, 0.2, 0.3]\nroughness = 0.5\n";
+    let folder = Folder::new(&[
+        ("m.toml", table),
+        ("bad.toml", "type = \"coated\"\nalbdo = 1\n"),
+        ("lamp.toml", "emission = 1\n"),
+    ]);
+    let (surface, brdfs) = Surface::load(folder.path("m.toml"), None).unwrap();
+    let scene = toml(&format!("[[mesh]]\nfile = \"a.obj\"\n[material.m]\n{table}[environment]\nradiance = 1\n"));
+    assert_eq!((surface, brdfs), (scene.materials[0].surface.clone(), vec![]));
+
+    let error = |name: &str, material| Surface::load(folder.path(name), material).unwrap_err().to_string();
+    assert!(
+        error("bad.toml", None).ends_with("bad.toml:2: unknown key `albdo`; the nearest that is known is `albedo`")
+    );
+    assert!(error("lamp.toml", None).contains("lamp.toml:1: emission: found `1`, expected no such key"));
+    assert!(error("m.toml", Some("x")).contains("found the name `x`, expected no name"));
+    assert!(error("none.toml", None).contains("none.toml: cannot be read"));
+}
+
+#[test]
+fn every_shipped_material_loads() {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/materials");
+    let mut kinds = Vec::new();
+    for entry in fs::read_dir(folder).unwrap() {
+        let path = entry.unwrap().path();
+        let (surface, brdfs) = Surface::load(&path, None).unwrap_or_else(|error| panic!("{error}"));
+        assert_eq!(matches!(surface, Surface::Measured { .. }), brdfs.len() == 1, "{}", path.display());
+        kinds.push(std::mem::discriminant(&surface));
+    }
+    assert!(kinds.len() >= 10);
+}

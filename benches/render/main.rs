@@ -1,6 +1,6 @@
 //! What a render costs: `cargo bench --features embree --bench render -- [SECTION]...`
 //!
-//! Sections: `cornell`, `passes`, `cold`, `memory` (these four without an argument) and `error`, which renders references
+//! Sections: `cornell`, `passes`, `cold`, `memory` (these four without an argument), `neubrdf` and `error`, which renders references
 //! of thousands of samples a pixel (kept in target/bench; REFERENCE_SPP says how many, 4096 otherwise; SEEDS how many renders, 3 otherwise). Tables go to standard output, in Markdown; docs/performance.md explains them.
 
 mod cold;
@@ -9,14 +9,17 @@ mod cornell;
 mod error;
 mod measure;
 mod memory;
+mod neubrdf;
 mod passes;
 mod peer;
+#[path = "../../tests/common/random_neubrdf.rs"]
+mod random_neubrdf;
 
 use std::path::{Path, PathBuf};
 
+use ::neubrdf::gpu::{Instance, Validation};
+use ::neubrdf::scene::Scene;
 use anyhow::{Result, bail};
-use neubrdf::gpu::{Instance, Validation};
-use neubrdf::scene::Scene;
 
 /// What runs when nothing is asked for.
 const QUICK: [&str; 4] = ["cornell", "passes", "cold", "memory"];
@@ -36,11 +39,12 @@ fn main() -> Result<()> {
             "passes" => passes::run()?,
             "cold" => cold::run()?,
             "memory" => memory::run()?,
+            "neubrdf" => neubrdf::run()?,
             #[cfg(feature = "embree")]
             "error" => error::run()?,
             #[cfg(not(feature = "embree"))]
             "error" => bail!("section error needs the Embree reference: cargo bench --features embree"),
-            _ => bail!("no section '{section}': expected some of cornell, error, passes, cold, memory"),
+            _ => bail!("no section '{section}': expected some of cornell, error, passes, cold, memory, neubrdf"),
         }
     }
     Ok(())

@@ -14,7 +14,7 @@
 // Cells over θh, θd and φd.
 const uvec3 MERL_SIZE = uvec3(90u, 90u, 180u);
 
-// θh slowest, φd fastest; -1 where there is no measurement.
+// θh slowest, φd fastest.
 layout(buffer_reference, scalar, buffer_reference_align = 16) readonly buffer MerlTable {
     vec3 value[];
 };
@@ -41,16 +41,15 @@ vec3 brdf_eval(Brdf b, vec3 wo, vec3 wi) {
     uint azimuth_1 = (azimuth_0 + 1u) % MERL_SIZE.z;
     float turned_part = turned - around;
 
-    vec4 sum = vec4(0.0);
+    vec3 sum = vec3(0.0);
     [[unroll]] for (uint corner = 0u; corner < 8u; ++corner) {
         uvec3 side = uvec3(corner >> 2u, (corner >> 1u) & 1u, corner & 1u);
         vec3 weights = mix(1.0 - vec3(part, turned_part), vec3(part, turned_part), bvec3(side));
         uint row = (cell.x + side.x) * MERL_SIZE.y + cell.y + side.y;
         vec3 value = table.value[row * MERL_SIZE.z + (side.z == 0u ? azimuth_0 : azimuth_1)];
-        float weight = value.x >= 0.0 ? weights.x * weights.y * weights.z : 0.0;
-        sum += weight * vec4(value, 1.0);
+        sum += weights.x * weights.y * weights.z * value;
     }
-    return sum.a > 0.0 ? sum.rgb / sum.a : vec3(0.0);
+    return sum;
 }
 
 #include "lib/lobe.glsl"

@@ -1,4 +1,4 @@
-// Half and difference angles: src/material/half_difference.rs.
+// Half and difference angles: src/scene/brdf/half_difference.rs.
 #ifndef LIB_HALF_DIFFERENCE_GLSL
 #define LIB_HALF_DIFFERENCE_GLSL
 

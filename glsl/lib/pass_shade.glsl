@@ -7,6 +7,7 @@
 #include "lib/light.glsl"
 #include "lib/queue.glsl"
 #include "lib/sampler.glsl"
+#include "lib/strategy.glsl"
 #include "lib/surface.glsl"
 #include "lib/texture.glsl"
 
@@ -58,6 +59,13 @@ ShadowRay shadow_ray(Surface surface, Lit lit, vec4 value, vec3 throughput) {
     return ray;
 }
 
+// Rough glass scatters to both sides of its surface.
+const bool BOTH_SIDES = FAMILY == FAMILY_DIELECTRIC;
+
+bool has_dirac_lobe(Bsdf bsdf, MaterialRecord material) {
+    return bsdf_is_delta(bsdf) || (FAMILY == FAMILY_COATED && material.alpha.x == 0.0);
+}
+
 void push_shadow_ray(bool wanted, ShadowRay ray, uint slot) {
     uint place = queue_reserve(bounce, QUEUE_SHADOW, wanted);
     if (wanted) {
@@ -94,6 +102,7 @@ void pass_shade() {
     uint dimension = bounce * DIMENSIONS_PER_BOUNCE;
     vec3 wo = frame_to_local(surface.frame, -direction);
     Bsdf bsdf = bsdf_make(material, material_color(scene, material, surface.uv));
+    bool takes_hemisphere = strategy_takes_hemisphere(has_dirac_lobe(bsdf, material));
     ShadowRay shadow = ShadowRay(vec3(0.0), vec3(0.0), vec3(0.0));
     vec2 lobe_roulette = sample_2d(key, dimension + DIMENSION_LOBE_ROULETTE);
     vec3 u = vec3(sample_2d(key, dimension + DIMENSION_BSDF), lobe_roulette.x);
@@ -101,27 +110,37 @@ void pass_shade() {
     Lit lit;
     lit.local_wi = vec3(0.0);
     lit.counts = false;
-    if (HAS_LIGHTS) {
+    if (SAMPLES_LIGHTS) {
         lit = light_sample(lights, surface, key, dimension);
     }
-    vec4 picked = bsdf_pick(bsdf, wo, u);
+    vec4 picked = takes_hemisphere ? strategy_pick(u, BOTH_SIDES) : bsdf_pick(bsdf, wo, u);
     vec4 value;
     vec3 f_picked;
     bsdf_eval_pair(bsdf, wo, lit.local_wi, picked.xyz, value, f_picked);
     if (lit.counts) {
+        value.a = takes_hemisphere ? strategy_pdf(lit.local_wi, BOTH_SIDES) : value.a;
         shadow = shadow_ray(surface, lit, value, throughput);
     }
     BsdfSample next = bsdf_picked(picked, f_picked);
 #else
-    if (HAS_LIGHTS && !bsdf_is_delta(bsdf)) {
+    if (SAMPLES_LIGHTS && !bsdf_is_delta(bsdf)) {
         Lit lit = light_sample(lights, surface, key, dimension);
         if (lit.counts) {
-            shadow = shadow_ray(surface, lit, bsdf_eval_pdf(bsdf, wo, lit.local_wi), throughput);
+            vec4 value = bsdf_eval_pdf(bsdf, wo, lit.local_wi);
+            value.a = takes_hemisphere ? strategy_pdf(lit.local_wi, BOTH_SIDES) : value.a;
+            shadow = shadow_ray(surface, lit, value, throughput);
         }
     }
-    BsdfSample next = bsdf_sample(bsdf, wo, u);
+    BsdfSample next;
+    if (takes_hemisphere) {
+        vec4 picked = strategy_pick(u, BOTH_SIDES);
+        vec3 f = bsdf_eval_pdf(bsdf, wo, picked.xyz).rgb;
+        next = BsdfSample(picked.xyz, picked.w, f * (abs(picked.z) / max(picked.w, 1e-30)), false);
+    } else {
+        next = bsdf_sample(bsdf, wo, u);
+    }
 #endif
-    if (HAS_LIGHTS) {
+    if (SAMPLES_LIGHTS) {
         push_shadow_ray(has_path && shadow.contribution != vec3(0.0), shadow, slot);
     }
     vec3 wi = frame_to_world(surface.frame, next.wi);
@@ -130,7 +149,7 @@ void pass_shade() {
     bool goes_on = has_path && next.pdf > 0.0 && lobe_roulette.y < survival
         && frame_is_consistent(surface.frame, wi, next.wi);
     if (goes_on) {
-        pool.origin.at[slot] = vec4(leave(surface, wi), next.is_delta ? 0.0 : next.pdf);
+        pool.origin.at[slot] = vec4(leave(surface, wi), next.is_delta || !SAMPLES_LIGHTS ? 0.0 : next.pdf);
         pool.direction.at[slot] = vec4(wi, 0.0);
         pool.throughput.at[slot] = vec4(throughput / survival, 0.0);
     }

@@ -34,11 +34,9 @@ layout(push_constant, scalar) uniform BsdfTestPush {
 } push;
 
 void pass_test_bsdf() {
+    // All invocations evaluate, those beyond the end the last case once more: families may need the whole subgroup.
     uint i = gl_GlobalInvocationID.x;
-    if (i >= push.count) {
-        return;
-    }
-    BsdfTestCase test = push.cases.at[i];
+    BsdfTestCase test = push.cases.at[min(i, push.count - 1u)];
     MaterialRecord material = push.materials.at[test.material];
     Bsdf bsdf = bsdf_make(material, material.color);
 #ifdef BSDF_PICKS_FIRST
@@ -52,7 +50,9 @@ void pass_test_bsdf() {
     BsdfSample next = bsdf_sample(bsdf, test.wo, test.u);
 #endif
     uint is_delta = uint(next.is_delta) + 2u * uint(bsdf_is_delta(bsdf));
-    push.results.at[i] = BsdfTestResult(eval_pdf, next.wi, next.pdf, next.weight, is_delta);
+    if (i < push.count) {
+        push.results.at[i] = BsdfTestResult(eval_pdf, next.wi, next.pdf, next.weight, is_delta);
+    }
 }
 
 #endif

@@ -65,7 +65,8 @@ impl Job {
     }
 }
 
-fn film_size(word: &str) -> Result<Film, String> {
+/// A film from `WIDTHxHEIGHT`.
+pub fn film_size(word: &str) -> Result<Film, String> {
     word.split_once('x')
         .and_then(|(width, height)| Some(Film { width: width.parse().ok()?, height: height.parse().ok()? }))
         .filter(|film| film.width > 0 && film.height > 0)

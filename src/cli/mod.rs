@@ -2,6 +2,8 @@
 
 mod brdf_input;
 mod compare;
+mod converge;
+mod export;
 mod info;
 mod job;
 mod material;
@@ -36,6 +38,10 @@ enum Command {
     Train(Box<train::Arguments>),
     /// Say what a BRDF is; draw and check it.
     Material(material::Arguments),
+    /// Measure how error falls with time, method by method, and test for bias.
+    Converge(Box<converge::Arguments>),
+    /// Write a scene as Mitsuba 3 reads it.
+    Export(export::Arguments),
     /// List the Vulkan devices, what each would be used for, and what an unfit one lacks.
     Info(info::Arguments),
 }
@@ -49,6 +55,8 @@ pub fn main() -> ExitCode {
         Command::Compare(arguments) => compare::run(arguments),
         Command::Train(arguments) => train::run(*arguments),
         Command::Material(arguments) => material::run(arguments),
+        Command::Converge(arguments) => converge::run_command(*arguments),
+        Command::Export(arguments) => export::run(arguments),
         Command::Info(arguments) => info::run(arguments),
     };
     match result {

@@ -10,7 +10,7 @@ use anyhow::{Context, Result, bail};
 use neubrdf::gpu::{DeviceChoice, Instance, Validation};
 use neubrdf::image::Picture;
 use neubrdf::render::{
-    Checkpoint, Limits, Options, Renderer, Sampler, Settings, Stopped, Traversal, run as run_passes,
+    BsdfSampling, Checkpoint, Limits, Options, Renderer, Sampler, Settings, Stopped, Traversal, run as run_passes,
 };
 use serde_json::json;
 
@@ -40,6 +40,12 @@ pub struct Arguments {
     /// sobol or pcg
     #[arg(long, default_value_t = Sampler::Sobol)]
     sampler: Sampler,
+    /// Do not sample lights: only what a path runs into shines. Slow to converge; for comparison
+    #[arg(long)]
+    no_light_sampling: bool,
+    /// What directions are picked by: lobe (the material's), cosine or uniform. For comparison
+    #[arg(long, default_value_t = BsdfSampling::Lobe)]
+    bsdf_sampling: BsdfSampling,
     /// A part of a device's or driver's name, or its number in `neubrdf info`
     #[arg(long)]
     device: Option<String>,
@@ -121,6 +127,8 @@ pub fn run(arguments: Arguments) -> Result<ExitCode> {
         sampler: arguments.sampler,
         crop: arguments.job.crop,
         features: !arguments.aov.0.is_empty(),
+        light_sampling: !arguments.no_light_sampling,
+        bsdf_sampling: arguments.bsdf_sampling,
     };
     let options = Options { traversal: arguments.traversal, pool_paths: arguments.pool };
     let mut renderer = Renderer::new(&device, &scene, &settings, &options)?;

@@ -83,7 +83,7 @@ fn upper_gamma(a: f64, x: f64) -> f64 {
 }
 
 /// ln Γ(x) for x > 0: Lanczos' approximation with g = 7 and nine terms, to about 15 digits.
-fn ln_gamma(x: f64) -> f64 {
+pub(super) fn ln_gamma(x: f64) -> f64 {
     const COEFFICIENTS: [f64; 9] = [
         0.999_999_999_999_809_9,
         676.520_368_121_885_1,

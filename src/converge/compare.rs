@@ -99,33 +99,35 @@ pub fn difference(image: &Picture, reference: &Picture) -> Result<Picture, Error
     Ok(picture)
 }
 
-/// Writes the relative difference of luminance, (Y(x) − Y(r)) / (Y(r) + 0.01), as a PNG in false colour: black where the
-/// pictures agree, through red to yellow where x is brighter, through blue to cyan where it is darker, white where either
-/// is not a number; full colour at ±`scale`.
+/// Writes [`difference_rgb8`] as a PNG.
 pub fn write_difference_png(
     path: impl AsRef<Path>,
     image: &Picture,
     reference: &Picture,
     scale: f32,
 ) -> Result<(), Error> {
+    let pixels = difference_rgb8(image, reference, scale)?;
+    Ok(image::write_rgb8(path, image.width, image.height, &pixels)?)
+}
+
+/// The relative difference of luminance, (Y(x) − Y(r)) / (Y(r) + 0.01), in false colour, three bytes a pixel: black where the
+/// pictures agree, through red to yellow where x is brighter, through blue to cyan where it is darker, white where either
+/// is not a number; full colour at ±`scale`.
+pub fn difference_rgb8(image: &Picture, reference: &Picture, scale: f32) -> Result<Vec<u8>, Error> {
     let luminance = |[red, green, blue]: [f32; 3]| 0.2126 * red + 0.7152 * green + 0.0722 * blue;
     let [beauty, truth] = beauties(image, reference)?;
-    let pixels: Vec<u8> = beauty
-        .iter()
-        .zip(&truth)
-        .flat_map(|(x, r)| {
-            let relative = (luminance(*x) - luminance(*r)) / (luminance(*r) + 0.01) / scale;
-            let first = (relative.abs() * 2.0).clamp(0.0, 1.0);
-            let second = (relative.abs() * 2.0 - 1.0).clamp(0.0, 1.0);
-            let color = match relative {
-                _ if relative.is_nan() => [1.0; 3],
-                _ if relative > 0.0 => [first, second, 0.0],
-                _ => [0.0, second, first],
-            };
-            color.map(|value| (value * 255.0).round() as u8)
-        })
-        .collect();
-    Ok(image::write_rgb8(path, image.width, image.height, &pixels)?)
+    let color = |(x, r): (&[f32; 3], &[f32; 3])| {
+        let relative = (luminance(*x) - luminance(*r)) / (luminance(*r) + 0.01) / scale;
+        let first = (relative.abs() * 2.0).clamp(0.0, 1.0);
+        let second = (relative.abs() * 2.0 - 1.0).clamp(0.0, 1.0);
+        let color = match relative {
+            _ if relative.is_nan() => [1.0; 3],
+            _ if relative > 0.0 => [first, second, 0.0],
+            _ => [0.0, second, first],
+        };
+        color.map(|value| (value * 255.0).round() as u8)
+    };
+    Ok(beauty.iter().zip(&truth).flat_map(color).collect())
 }
 
 /// Writes `image.exr`, `reference.exr`, `difference.exr`, `difference.png`, `p-values.exr` and `report.txt` to

@@ -1,15 +1,28 @@
-//! Whether two pictures show the same radiance: error metrics, statistical tests, and their reports.
+//! Whether two pictures show the same radiance, and how fast they come to: error metrics, statistical tests, [`study`].
+
+pub mod stability;
+pub mod study;
 
 mod chi_square;
+mod clock;
 mod compare;
+mod estimate;
+mod line;
 mod metrics;
+mod mitsuba;
 mod normal;
+mod student;
 mod z_test;
 
 pub use chi_square::{ChiSquare, chi_square_survival, chi_square_test};
-pub use compare::{Comparison, difference, prove_equal, write_difference_png, write_evidence};
+pub use compare::{Comparison, difference, difference_rgb8, prove_equal, write_difference_png, write_evidence};
+pub use clock::{Stopwatch, Timing, cores, load_average};
+pub use estimate::{CONFIDENCE, Estimate};
+pub use line::Line;
 pub use metrics::Metrics;
+pub use mitsuba::{ExportError, Mitsuba, MitsubaError, export_mitsuba};
 pub use normal::{sidak, two_sided_p};
+pub use student::{student_t, two_sided_t};
 pub use z_test::{ZTest, ZTestOptions};
 
 /// What can keep two pictures from being compared.

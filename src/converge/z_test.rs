@@ -31,6 +31,43 @@ pub struct ZTestOptions {
     pub tolerance: f64,
 }
 
+/// A block whose sum has this relative variance, that of 50 equal contributions, is near enough to normal.
+const LARGEST_RELATIVE_VARIANCE: f64 = 0.02;
+
+impl ZTestOptions {
+    /// The smallest blocks of 4, 8, 16, … pixels whose sums are near enough to normal: where contributions are rare and large, as without
+    /// light sampling, many pixels are needed. A block's variance is predicted from its level in the reference and the variance per
+    /// level of the whole picture: its own would be too small just where contributions are missing.
+    pub fn for_noise(image: &Picture, reference: &Picture) -> Result<ZTestOptions, Error> {
+        let mut options = ZTestOptions::default();
+        let [image_mean, reference_mean] = beauties(image, reference)?;
+        let a = Estimate::new(image, image_mean, "picture")?;
+        let b = Estimate::new(reference, reference_mean, "reference")?;
+        let total = |plane: &[[f32; 3]]| plane.as_flattened().iter().map(|value| f64::from(*value)).sum::<f64>();
+        let level = total(&b.mean);
+        let per_level = (total(&a.variance) + total(&b.variance)) / level;
+        let longest = image.width.max(image.height);
+        while options.block < longest {
+            let side = options.block;
+            let columns = image.width.div_ceil(side) as usize;
+            let mut levels = vec![0.0; columns * image.height.div_ceil(side) as usize];
+            for (pixel, value) in b.mean.iter().enumerate() {
+                let (x, y) = (pixel % image.width as usize, pixel / image.width as usize);
+                levels[y / side as usize * columns + x / side as usize] += total(&[*value]);
+            }
+            let average = level / levels.len() as f64;
+            // A hundredth of the average keeps black blocks, which say nothing, out of the mean.
+            let relative: f64 = levels.iter().map(|level| per_level / (level + 0.01 * average)).sum();
+            // Three channels are one block here, and three tests there.
+            if relative.is_nan() || 3.0 * relative / levels.len() as f64 <= LARGEST_RELATIVE_VARIANCE {
+                break;
+            }
+            options.block *= 2;
+        }
+        Ok(options)
+    }
+}
+
 impl Default for ZTestOptions {
     fn default() -> ZTestOptions {
         ZTestOptions { block: 4, tolerance: 1e-5 }

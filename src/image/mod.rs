@@ -88,11 +88,22 @@ pub fn write_png(path: impl AsRef<Path>, picture: &Picture, exposure: f32) -> Re
 
 /// Writes `width × height` 8-bit RGB pixels, row by row from the top, as they are.
 pub fn write_rgb8(path: impl AsRef<Path>, width: u32, height: u32, pixels: &[u8]) -> Result<(), Error> {
-    use ::image::{ExtendedColorType, ImageEncoder, codecs::png::PngEncoder};
     let path = path.as_ref();
     atomic_write(path, |writer| {
-        PngEncoder::new(writer)
-            .write_image(pixels, width, height, ExtendedColorType::Rgb8)
+        encode_png(writer, width, height, pixels)
             .map_err(|error| Error::Encode { path: path.to_owned(), reason: error.to_string() })
     })
+}
+
+/// The same pixels as the bytes of a PNG file.
+pub fn png_rgb8(width: u32, height: u32, pixels: &[u8]) -> Result<Vec<u8>, Error> {
+    let mut bytes = Vec::new();
+    encode_png(&mut bytes, width, height, pixels)
+        .map_err(|error| Error::Encode { path: "a picture".into(), reason: error.to_string() })?;
+    Ok(bytes)
+}
+
+fn encode_png(writer: impl std::io::Write, width: u32, height: u32, pixels: &[u8]) -> Result<(), ::image::ImageError> {
+    use ::image::{ExtendedColorType, ImageEncoder, codecs::png::PngEncoder};
+    PngEncoder::new(writer).write_image(pixels, width, height, ExtendedColorType::Rgb8)
 }

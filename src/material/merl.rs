@@ -1,14 +1,12 @@
 //! MERL tables, evaluated: linear between the middles of cells, in the coordinates in which the cells are evenly spaced.
 //!
-//! Cells that were not measured have no part in a mean, and where all eight are of that kind the BRDF is 0. Before the first and behind
-//! the last middle in θh and θd the table goes on as it ends; in φd it repeats.
+//! Before the first and behind the last middle in θh and θd the table goes on as it ends; in φd it repeats.
 
 use std::f64::consts::{FRAC_1_PI, FRAC_2_PI};
 
 use glam::DVec3;
 
-use super::HalfDifference;
-use crate::scene::Merl;
+use crate::scene::{HalfDifference, Merl};
 
 impl Merl {
     /// f(wo, wi), see [`super::Evaluate::eval`].
@@ -18,20 +16,16 @@ impl Merl {
         let half = neighbours((pair.theta_half() * FRAC_2_PI).sqrt(), halves);
         let difference = neighbours(pair.theta_difference() * FRAC_2_PI, differences);
         let azimuth = neighbours_around(pair.phi_difference() * FRAC_1_PI, azimuths);
-        let (mut sum, mut weights) = (DVec3::ZERO, 0.0);
+        let mut sum = DVec3::ZERO;
         for (i, weight_i) in half {
             for (j, weight_j) in difference {
                 for (k, weight_k) in azimuth {
                     let value = self.values()[(i * differences + j) * azimuths + k];
-                    if value[0] >= 0.0 {
-                        let weight = weight_i * weight_j * weight_k;
-                        sum += weight * DVec3::from(value.map(f64::from));
-                        weights += weight;
-                    }
+                    sum += weight_i * weight_j * weight_k * DVec3::from(value.map(f64::from));
                 }
             }
         }
-        if weights > 0.0 { sum / weights } else { DVec3::ZERO }
+        sum
     }
 }
 

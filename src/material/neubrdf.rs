@@ -2,26 +2,32 @@
 
 use glam::DVec3;
 
-use super::both_above;
 use crate::scene::brdf::{CornerWeights, NeuBrdf, POLE, SphereTable};
 
 impl NeuBrdf {
-    /// f(wo, wi) in sr⁻¹, RGB, without the cosine; 0 unless both directions are above the surface.
+    /// f(wo, wi), see [`super::Evaluate::eval`].
     pub fn eval(&self, wo: DVec3, wi: DVec3) -> DVec3 {
-        if !both_above(wo, wi) {
-            return DVec3::ZERO;
-        }
         let [wo, wi] = if self.is_isotropic { turned(wo, wi) } else { [wo, wi] };
         let mut x = [features(&self.wi, wi, self.corner_weights), features(&self.wo, wo, self.corner_weights)].concat();
         for (index, layer) in self.layers.iter().enumerate() {
             let rows = layer.weights.chunks_exact(layer.inputs as usize).zip(&layer.bias);
-            let dot = |row: &[f32]| -> f64 { row.iter().zip(&x).map(|(weight, x)| f64::from(*weight) * x).sum() };
-            let y: Vec<f64> = rows.map(|(row, bias)| dot(row) + f64::from(*bias)).collect();
+            let y: Vec<f64> = rows.map(|(row, bias)| dot(row, &x) + f64::from(*bias)).collect();
             x = if index + 1 < self.layers.len() { y.into_iter().map(|y| y.max(0.0)).collect() } else { y };
         }
         let [gain, scale, max] = [self.encoding.gain, self.encoding.scale, self.encoding.max].map(f64::from);
         DVec3::from_slice(&x).map(|y| ((scale * y).exp_m1() / gain).clamp(0.0, max))
     }
+}
+
+/// Their scalar product, in partial sums that fill a vector register.
+fn dot(weights: &[f32], x: &[f64]) -> f64 {
+    let mut sums = [0.0; 8];
+    for (weights, x) in weights.chunks(8).zip(x.chunks(8)) {
+        for ((sum, weight), x) in sums.iter_mut().zip(weights).zip(x) {
+            *sum += f64::from(*weight) * x;
+        }
+    }
+    sums.iter().sum()
 }
 
 /// The weighted sum of the codes at the corners of the pixel of `w`.

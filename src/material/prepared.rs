@@ -102,6 +102,7 @@ fn sampling_lobe(brdf: &Brdf) -> SamplingLobe {
         Brdf::Nbrdf(_) | Brdf::Merl(_) | Brdf::Rgl(_) | Brdf::Sparse(_) => {
             fit_lobe(brdf.is_isotropic(), &|wo, wi| brdf.eval(wo, wi))
         }
+        Brdf::NeuBrdf(neubrdf) => neubrdf.lobe,
     }
 }
 
@@ -112,6 +113,7 @@ impl Evaluate for Brdf {
             Brdf::Merl(merl) => merl.eval(wo, wi),
             Brdf::Rgl(rgl) => rgl.eval(wo, wi),
             Brdf::Sparse(sparse) => sparse.eval(wo, wi),
+            Brdf::NeuBrdf(neubrdf) => neubrdf.eval(wo, wi),
         }
     }
 
@@ -119,7 +121,8 @@ impl Evaluate for Brdf {
         match self {
             Brdf::Nbrdf(_) | Brdf::Merl(_) => true,
             Brdf::Rgl(rgl) => rgl.tables().is_isotropic(),
-            Brdf::Sparse(sparse) => sparse.is_isotropic,
+            Brdf::Sparse(sparse) => sparse.is_isotropic(),
+            Brdf::NeuBrdf(neubrdf) => neubrdf.is_isotropic,
         }
     }
 }

@@ -1,6 +1,6 @@
 //! BRDFs without a sampler of their own, as the device reads them: words behind [`MaterialRecord::table`](super::MaterialRecord).
 //!
-//! First the weights of the sampling lobe (`glsl/lib/lobe.glsl`), then, from byte [`LOBE_BYTES`] on, what `glsl/lib/bsdf_X.glsl` of the
+//! First the sampling lobes (`glsl/lib/lobe.glsl`), then, from byte [`LOBE_BYTES`] on, what `glsl/lib/bsdf_X.glsl` of the
 //! BRDF's family evaluates it from.
 
 use std::array;
@@ -8,27 +8,28 @@ use std::f32::consts::FRAC_1_PI;
 
 use glam::{Vec2, Vec3};
 
-use crate::material::sparse_coordinates;
+use super::neubrdf_table::{NeuBrdfShape, pack_neubrdf};
 use crate::scene::{
-    Brdf, Fresnel, LayerBase, Layered, Nbrdf, Rgl, RglTables, RglWarp, SamplingLobe, Sparse, SparseSample, Woven, Yarn,
+    Brdf, Fresnel, LayerBase, Layered, Nbrdf, Rgl, RglTables, RglWarp, SamplingLobe, Sparse, Woven, Yarn,
 };
 
 /// What precedes a BRDF's own words; `LOBE_BYTES` of `glsl/lib/lobe.glsl`. A multiple of 16.
-const LOBE_BYTES: usize = 4 * SamplingLobe::NODES;
+const LOBE_BYTES: usize = 4 * SamplingLobe::FLOATS;
 
 /// All that the device needs of a BRDF: how it is sampled, and its own words.
 pub fn pack(lobe: &SamplingLobe, brdf: &[u32]) -> Vec<u32> {
-    let mut words = lobe.weight.map(f32::to_bits).to_vec();
-    words.resize(LOBE_BYTES / 4, 0);
+    let mut words = lobe.to_floats().map(f32::to_bits).to_vec();
+    debug_assert_eq!(4 * words.len(), LOBE_BYTES);
     words.extend(brdf);
     words
 }
 
-/// The words of a BRDF that a file gives.
-pub fn brdf(brdf: &Brdf) -> Vec<u32> {
+/// The words of a BRDF that a file gives, where kernels are built for NeuBRDFs of this shape.
+pub fn brdf(brdf: &Brdf, shape: &NeuBrdfShape) -> Vec<u32> {
     let bits = |numbers: &[f32]| numbers.iter().map(|number| number.to_bits()).collect();
     match brdf {
         Brdf::Nbrdf(nbrdf) => bits(&pack_nbrdf(nbrdf)),
+        Brdf::NeuBrdf(neubrdf) => pack_neubrdf(neubrdf, shape),
         Brdf::Merl(merl) => bits(merl.values().as_flattened()),
         Brdf::Rgl(rgl) => pack_rgl(rgl),
         Brdf::Sparse(sparse) => pack_sparse(sparse),
@@ -83,11 +84,10 @@ fn pack_rgl(rgl: &Rgl) -> Vec<u32> {
 
 /// `SparseTable` of `glsl/lib/bsdf_sparse.glsl`.
 fn pack_sparse(sparse: &Sparse) -> Vec<u32> {
-    let mut words = vec![sparse.samples.len() as u32, u32::from(sparse.is_isotropic), 0, 0];
-    for SparseSample { wi, wo, value } in &sparse.samples {
-        let at = sparse_coordinates(*wo, *wi, sparse.is_isotropic).as_vec4();
-        words.extend(at.to_array().map(f32::to_bits));
-        words.extend(value.extend(0.0).to_array().map(f32::to_bits));
+    let mut words = vec![sparse.samples().len() as u32, u32::from(sparse.is_isotropic()), 0, 0];
+    for (sample, at) in sparse.samples().iter().zip(sparse.coordinates()) {
+        words.extend(at.as_vec4().to_array().map(f32::to_bits));
+        words.extend(sample.value.extend(0.0).to_array().map(f32::to_bits));
     }
     words
 }

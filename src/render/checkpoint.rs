@@ -37,6 +37,10 @@ pub struct Identity {
     pub sampler: String,
     /// Whether the feature channels are gathered.
     pub features: bool,
+    /// Whether lights are sampled.
+    pub light_sampling: bool,
+    /// `lobe`, `cosine` or `uniform`.
+    pub bsdf_sampling: String,
     /// The device and driver: others may round otherwise.
     pub device: String,
     /// The program's version.
@@ -135,6 +139,8 @@ impl Checkpoint {
         differs("--seed", &found.seed, &expected.seed)?;
         differs("--sampler", &found.sampler, &expected.sampler)?;
         differs("feature channels", &found.features, &expected.features)?;
+        differs("light sampling", &found.light_sampling, &expected.light_sampling)?;
+        differs("BSDF sampling", &found.bsdf_sampling, &expected.bsdf_sampling)?;
         differs("device", &found.device, &expected.device)?;
         differs("version", &found.version, &expected.version)
     }
@@ -160,6 +166,8 @@ impl Identity {
             seed: settings.seed,
             sampler: settings.sampler.to_string(),
             features: settings.features,
+            light_sampling: settings.light_sampling,
+            bsdf_sampling: settings.bsdf_sampling.to_string(),
             device: device.to_owned(),
             version: env!("CARGO_PKG_VERSION").to_owned(),
         }

@@ -10,14 +10,17 @@ use super::geometry::Geometry;
 use super::kernels::Features;
 use super::layout::{AliasRecord, EmitterRecord, SceneTable, TextureRecord};
 use super::material_record::MaterialTable;
+use super::neubrdf_table::NeuBrdfShape;
 use super::settings::Traversal;
 use crate::gpu::{Buffer, Device, Tlas};
+use crate::scene::brdf::Precision;
 use crate::scene::{Environment, LightTable, Scene, luminance};
 
 /// The uploaded scene.
 pub struct DeviceScene {
     geometry: Geometry,
     table: Buffer,
+    neubrdf_shape: NeuBrdfShape,
     // Held for the table's pointers.
     _buffers: Vec<Buffer>,
 }
@@ -39,7 +42,8 @@ impl DeviceScene {
             address
         };
 
-        let materials = MaterialTable::new(&scene.materials, &scene.brdfs);
+        let materials = MaterialTable::new(&scene.materials, &scene.brdfs, Precision::F32);
+        let neubrdf_shape = materials.neubrdf_shape.on(device);
         let tables = materials.tables.iter().map(|table| Ok(keep(Buffer::with_data(device, "material table", table)?)));
         let tables = tables.collect::<Result<Vec<_>, Error>>()?;
         let materials = keep(Buffer::with_data(device, "materials", &materials.records(&tables))?);
@@ -95,7 +99,7 @@ impl DeviceScene {
             reach: 2.5 * lights.scene_radius + 1e-30,
         };
         let table = Buffer::with_data(device, "scene table", &[table])?;
-        Ok(DeviceScene { geometry, table, _buffers: buffers })
+        Ok(DeviceScene { geometry, table, neubrdf_shape, _buffers: buffers })
     }
 
     /// Where the kernels find the scene.
@@ -103,9 +107,9 @@ impl DeviceScene {
         self.table.address()
     }
 
-    /// What kernels that trace are to be specialized with: see [`Geometry::specialization`].
-    pub fn specialization(&self) -> [(u32, u32); 3] {
-        self.geometry.specialization()
+    /// What kernels are to be specialized with: see [`Geometry::specialization`], [`NeuBrdfShape::specialization`].
+    pub fn specialization(&self) -> Vec<(u32, u32)> {
+        [&self.geometry.specialization()[..], &self.neubrdf_shape.specialization()].concat()
     }
 
     /// The top-level acceleration structure, for ray query.

@@ -88,9 +88,11 @@ impl Features {
             flag(7, self.instanced),
             flag(8, self.lens),
             flag(9, settings.features),
+            flag(13, settings.light_sampling),
+            (14, settings.bsdf_sampling as u32),
         ];
         let [closest, shadow] = trace_kernels(traversal);
-        let scatters = settings.max_depth > 1;
+        let samples_lights = self.has_lights() && settings.max_depth > 1 && settings.light_sampling;
         let names = [
             Some("generate"),
             Some(closest),
@@ -99,7 +101,7 @@ impl Features {
         ]
         .into_iter()
         .chain(Family::ALL.map(|family| self.has(family).then_some(shade_kernel(family))))
-        .chain([(self.has_lights() && scatters).then_some(shadow), Some("resolve"), Some("estimate_error")]);
+        .chain([samples_lights.then_some(shadow), Some("resolve"), Some("estimate_error")]);
         names.flatten().map(|name| KernelPlan { name, specialization: common.to_vec() }).collect()
     }
 }
@@ -177,5 +179,6 @@ pub fn shade_kernel(family: Family) -> &'static str {
         Family::Merl => "shade_merl",
         Family::Rgl => "shade_rgl",
         Family::Sparse => "shade_sparse",
+        Family::NeuBrdf => "shade_neubrdf",
     }
 }

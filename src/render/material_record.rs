@@ -5,7 +5,9 @@ use std::sync::Arc;
 use glam::Vec2;
 
 use super::brdf_table;
+use super::neubrdf_table::{NeuBrdfShape, neubrdfs};
 use crate::material::{CoatAlbedo, INDEX_MATCH, Prepared, SMOOTH_ALPHA, color};
+use crate::scene::brdf::Precision;
 use crate::scene::{Brdf, Fresnel, Material, Surface};
 
 /// Which shading kernel a material needs. The number stands in the lowest bits of [`MaterialRecord::flags`].
@@ -22,6 +24,8 @@ pub enum Family {
     Coated = 3,
     /// [`Brdf::Nbrdf`]
     Nbrdf = 4,
+    /// [`Brdf::NeuBrdf`]
+    NeuBrdf = 5,
     /// [`Surface::Layered`]
     Layered = 6,
     /// [`Surface::Woven`]
@@ -36,12 +40,13 @@ pub enum Family {
 
 impl Family {
     /// All of them, in the order of their numbers.
-    pub const ALL: [Family; 10] = [
+    pub const ALL: [Family; 11] = [
         Family::Diffuse,
         Family::Conductor,
         Family::Dielectric,
         Family::Coated,
         Family::Nbrdf,
+        Family::NeuBrdf,
         Family::Layered,
         Family::Woven,
         Family::Merl,
@@ -62,6 +67,7 @@ impl Family {
             Family::Merl => "merl",
             Family::Rgl => "rgl",
             Family::Sparse => "sparse",
+            Family::NeuBrdf => "neubrdf",
         }
     }
 }
@@ -78,6 +84,7 @@ pub fn family(surface: &Surface, brdfs: &[Arc<Brdf>]) -> Family {
             Brdf::Merl(_) => Family::Merl,
             Brdf::Rgl(_) => Family::Rgl,
             Brdf::Sparse(_) => Family::Sparse,
+            Brdf::NeuBrdf(_) => Family::NeuBrdf,
         },
         Surface::Layered(_) => Family::Layered,
         Surface::Woven(_) => Family::Woven,
@@ -139,11 +146,7 @@ impl MaterialRecord {
         };
         let has_boundary = matches!(surface, Surface::Conductor { .. }) || (ior - 1.0).abs() >= INDEX_MATCH;
         let is_rough = has_boundary && alpha.max_element() >= SMOOTH_ALPHA;
-        let alpha = match prepared {
-            Prepared::LobeSampled { lobe, .. } => lobe.alpha.into(),
-            _ if is_rough => alpha.max(Vec2::splat(SMOOTH_ALPHA)),
-            _ => Vec2::ZERO,
-        };
+        let alpha = if is_rough { alpha.max(Vec2::splat(SMOOTH_ALPHA)) } else { Vec2::ZERO };
         let average_coat = if let Prepared::Coated { coat, .. } = prepared { coat.average() } else { 0.0 };
         MaterialRecord {
             color: color.value.into(),
@@ -166,6 +169,8 @@ pub struct MaterialTable {
     /// What materials have in memory of their own: the table of a rough coat, or a sampling lobe and what its BRDF is evaluated
     /// from. Each once, however many materials share it.
     pub tables: Vec<Vec<u32>>,
+    /// What kernels that evaluate its NeuBRDFs are to be built for.
+    pub neubrdf_shape: NeuBrdfShape,
     /// The records, in the order of the scene's materials, without the addresses of their tables.
     records: Vec<MaterialRecord>,
     /// Which of the tables belongs to each record.
@@ -173,15 +178,17 @@ pub struct MaterialTable {
 }
 
 impl MaterialTable {
-    /// Packs the materials of a scene with these BRDFs.
-    pub fn new(materials: &[Material], brdfs: &[Arc<Brdf>]) -> MaterialTable {
-        let mut packed = MaterialTable { tables: Vec::new(), records: Vec::new(), table_of: Vec::new() };
+    /// Packs the materials of a scene with these BRDFs; the numbers of NeuBRDFs in that precision.
+    pub fn new(materials: &[Material], brdfs: &[Arc<Brdf>], precision: Precision) -> MaterialTable {
+        let neubrdf_shape = NeuBrdfShape::of(neubrdfs(brdfs.iter().map(Arc::as_ref)), precision);
+        let mut packed = MaterialTable { tables: Vec::new(), neubrdf_shape, records: Vec::new(), table_of: Vec::new() };
         let mut known: Vec<(Arc<Prepared>, Option<usize>)> = Vec::new();
         for (material, prepared) in materials.iter().zip(Prepared::all(materials, brdfs)) {
             let family = family(&material.surface, brdfs);
             packed.records.push(MaterialRecord::new(material, family, &prepared));
             let position = known.iter().position(|(other, _)| Arc::ptr_eq(other, &prepared)).unwrap_or_else(|| {
-                let table = table(&material.surface, &prepared, brdfs).map(|table| packed.push_table(table));
+                let table = table(&material.surface, &prepared, brdfs, &neubrdf_shape);
+                let table = table.map(|table| packed.push_table(table));
                 known.push((prepared, table));
                 known.len() - 1
             });
@@ -204,13 +211,13 @@ impl MaterialTable {
 }
 
 /// What a surface has in memory of its own.
-fn table(surface: &Surface, prepared: &Prepared, brdfs: &[Arc<Brdf>]) -> Option<Vec<u32>> {
+fn table(surface: &Surface, prepared: &Prepared, brdfs: &[Arc<Brdf>], shape: &NeuBrdfShape) -> Option<Vec<u32>> {
     match (surface, prepared) {
         (_, Prepared::Coated { coat: CoatAlbedo::Rough { table, .. }, .. }) => {
             Some(table.iter().map(|albedo| albedo.to_bits()).collect())
         }
         (Surface::Measured { brdf }, Prepared::LobeSampled { lobe, .. }) => {
-            Some(brdf_table::pack(lobe, &brdf_table::brdf(&brdfs[*brdf as usize])))
+            Some(brdf_table::pack(lobe, &brdf_table::brdf(&brdfs[*brdf as usize], shape)))
         }
         (Surface::Layered(layers), Prepared::LobeSampled { lobe, .. }) => {
             Some(brdf_table::pack(lobe, &brdf_table::layered(layers)))

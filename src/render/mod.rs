@@ -15,6 +15,7 @@ mod intersector;
 mod kernels;
 mod layout;
 mod material_record;
+mod neubrdf_table;
 mod pool;
 mod renderer;
 mod session;
@@ -27,6 +28,10 @@ pub use intersector::{Intersector, Query, RAY_STRUCTS, Ray, RayBatch, RayHit};
 pub use kernels::{Features, KernelPlan};
 pub use layout::{FeaturePixel, FilmPixel, SceneTable, WAVEFRONT_STRUCTS};
 pub use material_record::{Family, MATERIAL_STRUCTS, MaterialRecord, MaterialTable, family};
+pub use neubrdf_table::{
+    NEUBRDF_STRUCTS, NeuBrdfPush, NeuBrdfQuery, NeuBrdfShape, NeuBrdfTable, NeuBrdfValues, SphereTableRecord,
+    pack_neubrdf,
+};
 pub use renderer::{Options, Renderer};
 pub use session::{Limits, Progress, Stopped, run};
-pub use settings::{Sampler, Settings, Traversal, UnknownChoice};
+pub use settings::{BsdfSampling, Sampler, Settings, Traversal, UnknownChoice};

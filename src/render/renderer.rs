@@ -65,6 +65,13 @@ impl Renderer {
         let traversal = traversal_for(device, options.traversal)?;
         let lights = LightTable::new(scene);
         let features = Features::of(scene, &lights);
+        if features.sun && !settings.light_sampling {
+            return Err(Error::Setting {
+                name: "light sampling",
+                found: "off".into(),
+                expected: "on in a scene with a sun, which no path runs into",
+            });
+        }
         let workgroup_size = device.profile().workgroup_size;
         let device_scene = DeviceScene::upload(device, scene, &lights, &features, traversal)?;
         let kernels = Kernels::build(device, &features, traversal, settings, &device_scene.specialization())?;
@@ -130,6 +137,20 @@ impl Renderer {
             renderer.probe()?;
         }
         Ok(renderer)
+    }
+
+    /// Begins again at a black film, with another seed: what a new renderer would do, without building anything.
+    pub fn restart(&mut self, seed: u32) -> Result<(), Error> {
+        (self.settings.seed, self.identity.seed) = (seed, seed);
+        (self.samples, self.seconds) = (0, 0.0);
+        self.film_table.write(std::mem::offset_of!(FilmTable, seed) as u64, &[seed])?;
+        let mut commands = Commands::begin(&self.device)?;
+        for buffer in [Some(&self.pixels), Some(&self.rejected), self.feature_pixels.as_ref()].into_iter().flatten() {
+            commands.fill(buffer, 0..buffer.size(), 0);
+        }
+        commands.barrier();
+        wait(self.device.submit(commands)?)?;
+        if self.settings.features { self.probe() } else { Ok(()) }
     }
 
     /// Samples a pixel so far.
@@ -295,7 +316,7 @@ impl Renderer {
                     self.dispatch_queue(commands, shade_kernel(family), Queue::Shade(family), &pass);
                 }
             }
-            if scatters && self.features.has_lights() {
+            if scatters && self.features.has_lights() && self.settings.light_sampling {
                 commands.barrier();
                 // The next bounce's rays are traced beside these: neither writes what the other reads.
                 self.dispatch_queue(commands, self.kernels.trace_shadow(), Queue::Shadow, &pass);

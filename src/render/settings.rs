@@ -24,6 +24,19 @@ pub enum Sampler {
     Pcg = 1,
 }
 
+/// The density that a vertex picks its next direction with; the discriminant is the shader's `BSDF_SAMPLING`. All converge to the
+/// same picture. Materials with Dirac lobes keep their own.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub enum BsdfSampling {
+    /// The material's own lobes.
+    #[default]
+    Lobe = 0,
+    /// cos θ / π.
+    Cosine = 1,
+    /// 1 / 2π.
+    Uniform = 2,
+}
+
 /// What changes the picture. Pool size, tile order and device are not here: they do not.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Settings {
@@ -37,11 +50,24 @@ pub struct Settings {
     pub crop: Option<Crop>,
     /// Whether the feature channels (albedo, normal, depth, ids) are gathered too.
     pub features: bool,
+    /// Whether lights are sampled at each vertex (next-event estimation); without, only what a path runs into shines, and
+    /// there must be no sun.
+    pub light_sampling: bool,
+    /// How directions are picked.
+    pub bsdf_sampling: BsdfSampling,
 }
 
 impl Default for Settings {
     fn default() -> Self {
-        Settings { max_depth: 16, seed: 0, sampler: Sampler::Sobol, crop: None, features: true }
+        Settings {
+            max_depth: 16,
+            seed: 0,
+            sampler: Sampler::Sobol,
+            crop: None,
+            features: true,
+            light_sampling: true,
+            bsdf_sampling: BsdfSampling::Lobe,
+        }
     }
 }
 
@@ -92,6 +118,33 @@ impl fmt::Display for Sampler {
         formatter.write_str(match self {
             Sampler::Sobol => "sobol",
             Sampler::Pcg => "pcg",
+        })
+    }
+}
+
+impl FromStr for BsdfSampling {
+    type Err = UnknownChoice;
+
+    fn from_str(word: &str) -> Result<Self, UnknownChoice> {
+        match word {
+            "lobe" => Ok(BsdfSampling::Lobe),
+            "cosine" => Ok(BsdfSampling::Cosine),
+            "uniform" => Ok(BsdfSampling::Uniform),
+            _ => Err(UnknownChoice {
+                what: "BSDF sampling",
+                found: word.into(),
+                expected: "lobe, cosine or uniform",
+            }),
+        }
+    }
+}
+
+impl fmt::Display for BsdfSampling {
+    fn fmt(&self, formatter: &mut fmt::Formatter) -> fmt::Result {
+        formatter.write_str(match self {
+            BsdfSampling::Lobe => "lobe",
+            BsdfSampling::Cosine => "cosine",
+            BsdfSampling::Uniform => "uniform",
         })
     }
 }

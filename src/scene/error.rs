@@ -85,17 +85,17 @@ fn suggestion(nearest: &str) -> String {
 }
 
 impl Error {
-    pub(super) fn unexpected(place: Place, found: impl Into<String>, expected: impl Into<String>) -> Error {
+    pub(crate) fn unexpected(place: Place, found: impl Into<String>, expected: impl Into<String>) -> Error {
         Error::Unexpected { place, found: found.into(), expected: expected.into() }
     }
 
-    pub(super) fn read(file: &Path, needed_by: Option<&Place>, source: io::Error) -> Error {
+    pub(crate) fn read(file: &Path, needed_by: Option<&Place>, source: io::Error) -> Error {
         Error::Read { file: file.to_owned(), needed_by: needed_by.cloned(), source }
     }
 }
 
 /// Opens a file for reading. A pipe or a device is refused, as reading it may never end.
-pub(super) fn open(path: &Path, needed_by: Option<&Place>) -> Result<File, Error> {
+pub(crate) fn open(path: &Path, needed_by: Option<&Place>) -> Result<File, Error> {
     let open = |path| match fs::metadata(path)? {
         metadata if metadata.is_file() => File::open(path),
         _ => Err(io::Error::other("it is not a regular file")),
@@ -104,7 +104,7 @@ pub(super) fn open(path: &Path, needed_by: Option<&Place>) -> Result<File, Error
 }
 
 /// The bytes of a file of at most `longest` bytes.
-pub(super) fn read_bytes(path: &Path, needed_by: Option<&Place>, longest: u64) -> Result<Vec<u8>, Error> {
+pub(crate) fn read_bytes(path: &Path, needed_by: Option<&Place>, longest: u64) -> Result<Vec<u8>, Error> {
     let mut bytes = Vec::new();
     open(path, needed_by)?
         .take(longest + 1)
@@ -133,7 +133,7 @@ impl fmt::Display for Warning {
 }
 
 /// The candidate at the smallest edit distance from `word`; empty if there are none.
-pub(super) fn nearest<'a>(word: &str, candidates: impl IntoIterator<Item = &'a str>) -> &'a str {
+pub(crate) fn nearest<'a>(word: &str, candidates: impl IntoIterator<Item = &'a str>) -> &'a str {
     candidates.into_iter().min_by_key(|candidate| edit_distance(word, candidate)).unwrap_or_default()
 }
 
@@ -153,7 +153,7 @@ fn edit_distance(a: &str, b: &str) -> usize {
 }
 
 /// Text from the input, cut to what fits in a message and without control characters.
-pub(super) fn quote(text: &str) -> String {
+pub(crate) fn quote(text: &str) -> String {
     const LONGEST: usize = 60;
     let readable = |c: char| if c.is_control() { char::REPLACEMENT_CHARACTER } else { c };
     let start: String = text.chars().take(LONGEST).map(readable).collect();

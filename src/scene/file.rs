@@ -5,12 +5,12 @@ use std::path::{Path, PathBuf};
 
 use glam::{Affine3A, EulerRot, Mat3, Quat, Vec2, Vec3};
 
-use super::error::{Error, Place, Warning, nearest, read_bytes};
+use super::error::{Error, Place, Warning, nearest};
 use super::light::BRIGHTEST;
 use super::mesh::{self, LARGEST_COORDINATE};
 use super::mtl::Library;
 use super::obj::{self, Normals, beside};
-use super::table::{Source, Table, Value};
+use super::table::{Source, Table, Value, read_text};
 use super::{
     Bounds, Camera, Color, Environment, Film, Fresnel, Instance, LayerBase, Layered, Lens, Material, Mesh, Scene, Sun,
     Surface, Woven, decode, metals,
@@ -45,7 +45,7 @@ fn load_bare_obj(path: &Path) -> Result<(Scene, Vec<Warning>), Error> {
 }
 
 fn load_scene_file(path: &Path) -> Result<(Scene, Vec<Warning>), Error> {
-    let text = read_text(path)?;
+    let text = read_text(path, LONGEST_FILE)?;
     let source = Source { file: path, text: &text };
     let entries = source.parse()?;
     let root = Table::root(source, &entries);
@@ -70,14 +70,6 @@ fn load_scene_file(path: &Path) -> Result<(Scene, Vec<Warning>), Error> {
         root.get("environment").map(|value| environment(&value.table()?, path, &mut loader)).transpose()?;
     let sun = root.get("sun").map(|value| sun(&value.table()?)).transpose()?;
     loader.finish(path, camera, film, instances, environment, sun)
-}
-
-fn read_text(path: &Path) -> Result<String, Error> {
-    String::from_utf8(read_bytes(path, None, LONGEST_FILE)?).map_err(|error| {
-        let line =
-            error.as_bytes()[..error.utf8_error().valid_up_to()].iter().filter(|byte| **byte == b'\n').count() + 1;
-        Error::unexpected(Place::line(path, line), "bytes that are not UTF-8", "TOML text")
-    })
 }
 
 /// Gathers what the files of a scene hold.
@@ -315,7 +307,7 @@ fn override_material(name: &str, value: &Value, file: &Path, library: &mut Libra
 
 /// The surface that a material's table asks for. What it does not say stays as it was before, if that was of the same
 /// type, or is the type's default.
-fn surface(table: &Table, before: &Surface, file: &Path, library: &mut Library) -> Result<Surface, Error> {
+pub(super) fn surface(table: &Table, before: &Surface, file: &Path, library: &mut Library) -> Result<Surface, Error> {
     const EMISSION: [&str; 3] = ["type", "emission", "emits_both_sides"];
     let allow = |keys: &[&str]| table.allow(&[&EMISSION, keys].concat());
     let unchanged = match before {

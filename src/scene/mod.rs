@@ -9,7 +9,7 @@
 pub mod brdf;
 mod camera;
 mod decode;
-mod error;
+pub(crate) mod error;
 mod file;
 mod hash;
 mod layered;
@@ -22,11 +22,14 @@ mod normals;
 mod obj;
 mod polygon;
 mod statements;
-mod table;
+mod surface_file;
+pub(crate) mod table;
 mod texture;
 mod woven;
 
-pub use brdf::{Brdf, Merl, Nbrdf, Rgl, RglTable, RglTables, RglWarp, SamplingLobe, Sparse, SparseSample};
+pub use brdf::{
+    Brdf, HalfDifference, Merl, Nbrdf, Rgl, RglTable, RglTables, RglWarp, SamplingLobe, Sparse, SparseSample,
+};
 pub use camera::{Camera, Film, Lens};
 pub use error::{Error, Place, Warning};
 pub use layered::{LayerBase, Layered};

@@ -1,4 +1,4 @@
-//! TOML tables whose errors name the key and the line.
+//! TOML tables whose errors name the key and the line: of scene files, and of the other files that users write.
 
 use std::path::Path;
 
@@ -6,18 +6,27 @@ use glam::Vec3;
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
-use super::error::{Error, Place, nearest, quote};
+use super::error::{Error, Place, nearest, quote, read_bytes};
+
+/// The text of a file of at most `longest` bytes.
+pub(crate) fn read_text(path: &Path, longest: u64) -> Result<String, Error> {
+    String::from_utf8(read_bytes(path, None, longest)?).map_err(|error| {
+        let line =
+            error.as_bytes()[..error.utf8_error().valid_up_to()].iter().filter(|byte| **byte == b'\n').count() + 1;
+        Error::unexpected(Place::line(path, line), "bytes that are not UTF-8", "TOML text")
+    })
+}
 
 /// A file of TOML text.
 #[derive(Clone, Copy)]
-pub(super) struct Source<'a> {
+pub(crate) struct Source<'a> {
     pub file: &'a Path,
     pub text: &'a str,
 }
 
 /// A table in it.
 #[derive(Clone)]
-pub(super) struct Table<'a> {
+pub(crate) struct Table<'a> {
     source: Source<'a>,
     name: String,
     offset: usize,
@@ -26,7 +35,7 @@ pub(super) struct Table<'a> {
 
 /// A value in it.
 #[derive(Clone)]
-pub(super) struct Value<'a> {
+pub(crate) struct Value<'a> {
     source: Source<'a>,
     field: String,
     value: &'a Spanned<DeValue<'a>>,

@@ -15,7 +15,8 @@ use super::random::Random;
 use super::result::{layers, nbrdf, sphere_table, whole_table};
 use super::table::{Quantiser, Table};
 use super::trainer::{Head, Inputs, Loss, Pool, Rates, Trainer};
-use crate::material::HalfDifference;
+use crate::material::fit_lobe;
+use crate::scene::{HalfDifference, SamplingLobe};
 use crate::scene::brdf::{Encoding, Nbrdf, NeuBrdf, Provenance, SphereGrid};
 
 /// Share of the steps after which points are given codes: the features have settled, and the rest of the steps fits codes.
@@ -217,8 +218,15 @@ impl Session {
         Some(())
     }
 
-    /// The NeuBRDF as it is now; `None` if it is none.
+    /// The NeuBRDF as it is now, with the lobe that samples it; `None` if it is none.
     pub fn neubrdf(&self) -> Option<NeuBrdf> {
+        let mut brdf = self.unsampled()?;
+        brdf.lobe = fit_lobe(brdf.is_isotropic, &|wo, wi| brdf.eval(wo, wi));
+        Some(brdf)
+    }
+
+    /// The same with no lobe but the hemisphere's.
+    fn unsampled(&self) -> Option<NeuBrdf> {
         let Trainer { network, tables, .. } = &self.trainer;
         let [wi, wo] = tables.as_slice() else { return None };
         Some(NeuBrdf {
@@ -228,6 +236,7 @@ impl Session {
             wo: sphere_table(wo, self.grids[1], &self.seen[1]),
             layers: layers(network),
             encoding: self.encoding,
+            lobe: SamplingLobe::COSINE,
             provenance: Provenance::default(),
         })
     }
@@ -239,7 +248,7 @@ impl Session {
 
     /// The model as it is now, to be evaluated.
     pub fn evaluator(&self) -> Evaluator {
-        match self.neubrdf() {
+        match self.unsampled() {
             Some(brdf) => Evaluator::neubrdf(&brdf),
             None => Evaluator::nbrdf(self.trainer.network.clone(), self.is_isotropic),
         }

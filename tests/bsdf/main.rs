@@ -6,6 +6,7 @@ mod common;
 mod configurations;
 mod device;
 mod energy;
+mod layered;
 mod networks;
 mod sampling;
 mod sphere;

@@ -20,7 +20,7 @@ pub fn measured() -> Vec<(String, Arc<Brdf>)> {
         let w = random.direction();
         DVec3::new(w.x, w.y, w.z.abs().max(0.01)).normalize()
     };
-    let pairs: Vec<_> = (0..200).map(|_| (above(), above())).collect();
+    let pairs: Vec<_> = (0..50).map(|_| (above(), above())).collect();
     let samples = |metal, is_isotropic| Brdf::Sparse(tables::sparse(metal, is_isotropic, pairs.iter().copied()));
     let brdfs = [
         ("MERL, α 0.3", Brdf::Merl(tables::merl(&metal(0.3, 0.3)))),
@@ -82,19 +82,16 @@ pub fn woven() -> Vec<Surface> {
     ]
 }
 
-/// Each of them seen from somewhere.
+/// Some of each kind, seen from somewhere.
 pub fn configurations() -> Vec<Configuration> {
-    let angles = [(30.0, 10.0), (60.0, -70.0), (80.0, 200.0), (45.0, 120.0), (0.0, 0.0), (88.0, 45.0)];
-    let mut views = angles.into_iter().cycle();
-    let mut view = || views.next().unwrap_or_default();
-    let mut seen: Vec<Configuration> = Vec::new();
-    for brdf in measured() {
-        let (theta, phi) = view();
-        seen.push(Configuration::measured(&brdf, theta, phi));
-    }
-    for surface in layered().into_iter().chain(woven()) {
-        let (theta, phi) = view();
-        seen.push(Configuration::new(surface, theta, phi));
-    }
-    seen
+    let (brdfs, layers, cloths) = (measured(), layered(), woven());
+    vec![
+        Configuration::measured(&brdfs[1], 60.0, -70.0),
+        Configuration::measured(&brdfs[3], 45.0, 120.0),
+        Configuration::measured(&brdfs[6], 30.0, 10.0),
+        Configuration::new(layers[2].clone(), 0.0, 0.0),
+        Configuration::new(layers[3].clone(), 88.0, 45.0),
+        Configuration::new(cloths[0].clone(), 60.0, -70.0),
+        Configuration::new(cloths[1].clone(), 80.0, 200.0),
+    ]
 }

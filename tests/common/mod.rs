@@ -3,9 +3,11 @@
 
 pub mod bsdf_structs;
 pub mod gpu_structs;
-pub mod random_neubrdf;
+pub mod networks;
 pub mod tables;
+pub mod random_neubrdf;
 
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use glam::{Affine3A, Vec2, Vec3};
@@ -188,4 +190,13 @@ pub fn still_life(surface: Surface) -> Scene {
     );
     scene.environment = Some(Environment::constant(Vec3::new(0.2, 0.3, 0.5)));
     scene
+}
+
+/// Every `scenes/NAME/scene.toml`.
+pub fn shipped_scenes() -> Vec<PathBuf> {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes");
+    let scenes = std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path().join("scene.toml"));
+    let mut scenes: Vec<PathBuf> = scenes.filter(|path| path.exists()).collect();
+    scenes.sort();
+    scenes
 }

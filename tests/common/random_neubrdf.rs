@@ -1,7 +1,9 @@
 //! NeuBRDFs of any shape, made up: what they look like does not matter.
 
 use glam::DVec3;
-use neubrdf::scene::brdf::{CornerWeights, Dense, Encoding, NeuBrdf, Provenance, SphereGrid, SphereTable};
+use neubrdf::scene::brdf::{
+    CornerWeights, Dense, Encoding, NeuBrdf, Provenance, SamplingLobe, SphereGrid, SphereTable,
+};
 
 /// A stream of uniform numbers.
 pub struct Stream(pub u64);
@@ -13,6 +15,7 @@ impl Stream {
         (self.0 >> 40) as f64 / (1u64 << 24) as f64
     }
 
+    #[allow(dead_code)] // not every user picks
     pub fn below(&mut self, count: usize) -> usize {
         (self.unit() * count as f64) as usize
     }
@@ -107,6 +110,7 @@ pub fn random_neubrdf(shape: Shape, seed: u64) -> NeuBrdf {
         wo,
         layers,
         encoding: Encoding { gain: 100.0, scale: 2.0, max: 1e5 },
+        lobe: SamplingLobe { alpha: [[0.1, 0.2], [0.5, 0.4]], weight: [[0.3, 0.2]; SamplingLobe::NODES] },
         provenance: Provenance { source: "random numbers".into(), ..Provenance::default() },
     }
 }

@@ -3,8 +3,8 @@
 use std::f64::consts::{FRAC_PI_2, PI};
 
 use glam::{DVec2, DVec3, Vec2};
-use neubrdf::material::{Conductor, Ggx, HalfDifference, Reflectance};
-use neubrdf::scene::{Merl, Rgl, RglTable, RglTables, RglWarp, Sparse, SparseSample};
+use neubrdf::material::{Conductor, Ggx, Reflectance};
+use neubrdf::scene::{HalfDifference, Merl, Rgl, RglTable, RglTables, RglWarp, Sparse, SparseSample};
 
 /// A tinted rough metal.
 pub fn metal(alpha_x: f32, alpha_y: f32) -> Conductor {
@@ -25,7 +25,7 @@ pub fn merl(metal: &Conductor) -> Merl {
 /// Samples of a metal for pairs of directions.
 pub fn sparse(metal: &Conductor, is_isotropic: bool, pairs: impl Iterator<Item = (DVec3, DVec3)>) -> Sparse {
     let sample = |(wo, wi)| SparseSample { wi, wo, value: metal.eval(wo, wi).as_vec3() };
-    Sparse { samples: pairs.map(sample).collect(), is_isotropic }
+    Sparse::new(pairs.map(sample).collect(), is_isotropic)
 }
 
 /// The direction at a place of the tables.

@@ -5,6 +5,10 @@
 mod common;
 mod hostile;
 mod merl;
+#[cfg(feature = "embree")]
+mod proof;
 mod random;
 mod rgl;
+mod scene;
 mod sparse;
+mod woven;

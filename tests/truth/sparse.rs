@@ -41,9 +41,9 @@ pub fn load(text: &str) -> Result<Sparse, String> {
 fn samples_are_met_and_never_exceeded() {
     for is_isotropic in [true, false] {
         let samples = load(&file(300, is_isotropic)).unwrap();
-        assert_eq!((samples.samples.len(), samples.is_isotropic), (300, is_isotropic));
-        let brightest = samples.samples.iter().map(|sample| sample.value.max_element()).fold(0.0, f32::max);
-        for sample in &samples.samples {
+        assert_eq!((samples.samples().len(), samples.is_isotropic()), (300, is_isotropic));
+        let brightest = samples.samples().iter().map(|sample| sample.value.max_element()).fold(0.0, f32::max);
+        for sample in samples.samples() {
             let value = sample.value.as_dvec3();
             let found = samples.eval(sample.wo, sample.wi);
             assert!((found - value).abs().max_element() <= 1e-3 * f64::from(brightest), "{found}, not {value}");

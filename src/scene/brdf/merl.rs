@@ -3,7 +3,8 @@
 //!
 //! A `.binary` file is three little-endian `i32`, 90, 90 and 180, then as many `f64` for red, for green and for blue.
 //! A number times its channel's [scale](SCALES) is the BRDF in sr⁻¹ in the middle of a cell; the last index, φd, runs
-//! fastest. A negative number says that the cell was not measured.
+//! fastest. A negative number says that the cell was not measured, as are all in which a direction is below the surface: its value is that of the
+//! cell of the next smaller θd that was, or else of the next larger, or else 0.
 
 use std::f64::consts::{FRAC_PI_2, PI};
 use std::fs::File;
@@ -23,7 +24,7 @@ const BRIGHTEST: f64 = 1e8;
 /// An isotropic BRDF by table.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Merl {
-    /// sr⁻¹, RGB, [`Merl::CELLS`] of them, θh slowest, φd fastest; [`Merl::UNMEASURED`] where there is no measurement.
+    /// sr⁻¹, RGB, [`Merl::CELLS`] of them, θh slowest, φd fastest.
     values: Vec<[f32; 3]>,
 }
 
@@ -33,13 +34,31 @@ impl Merl {
     pub const SIZE: [usize; 3] = [90, 90, 180];
     /// All cells.
     pub const CELLS: usize = Self::SIZE[0] * Self::SIZE[1] * Self::SIZE[2];
-    /// What stands in a cell that was not measured.
-    pub const UNMEASURED: [f32; 3] = [-1.0; 3];
 
-    /// Tabulates a function of (θh, θd, φd), in radians, that gives sr⁻¹, `None` where it is not known.
+    /// Tabulates a function of (θh, θd, φd), in radians, that gives sr⁻¹, ≥ 0; `None` where it is not known.
     pub fn tabulate(brdf: impl Fn([f64; 3]) -> Option<Vec3>) -> Merl {
-        let value = |cell| brdf(Self::angles(cell)).map_or(Self::UNMEASURED, |value| value.to_array());
-        Merl { values: (0..Self::CELLS).map(value).collect() }
+        let value = |cell| brdf(Self::angles(cell)).map_or([-1.0; 3], |value| value.to_array());
+        Merl::filled((0..Self::CELLS).map(value).collect())
+    }
+
+    /// Replaces values with a negative channel.
+    fn filled(mut values: Vec<[f32; 3]>) -> Merl {
+        let [_, differences, azimuths] = Self::SIZE;
+        let is_measured = |value: &[f32; 3]| value.iter().all(|channel| *channel >= 0.0);
+        for half in values.chunks_exact_mut(differences * azimuths) {
+            for azimuth in 0..azimuths {
+                let first = half.iter().skip(azimuth).step_by(azimuths).copied().find(is_measured);
+                let mut last = first.unwrap_or_default();
+                for value in half.iter_mut().skip(azimuth).step_by(azimuths) {
+                    if is_measured(value) {
+                        last = *value;
+                    } else {
+                        *value = last;
+                    }
+                }
+            }
+        }
+        Merl { values }
     }
 
     /// θh, θd and φd in the middle of a cell, radians.
@@ -50,7 +69,7 @@ impl Merl {
         [middle(0).powi(2) * FRAC_PI_2, middle(1) * FRAC_PI_2, middle(2) * PI]
     }
 
-    /// The cells, θh slowest, φd fastest; no negative value but [`Merl::UNMEASURED`].
+    /// The cells, θh slowest, φd fastest; none negative.
     pub fn values(&self) -> &[[f32; 3]] {
         &self.values
     }
@@ -88,12 +107,7 @@ impl Merl {
                 value[channel] = number as f32;
             }
         }
-        for value in &mut values {
-            if value.iter().any(|channel| *channel < 0.0) {
-                *value = Self::UNMEASURED;
-            }
-        }
-        Ok(Merl { values })
+        Ok(Merl::filled(values))
     }
 
     /// Writes a `.binary` file.

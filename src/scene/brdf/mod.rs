@@ -1,5 +1,6 @@
 //! BRDFs that a file gives and no closed form does: plain data, validated when it is loaded. What they mean is `crate::material`.
 
+mod half_difference;
 mod merl;
 mod nbrdf;
 mod neubrdf;
@@ -18,6 +19,7 @@ use std::path::Path;
 use super::error::{Error, Place, quote};
 use super::hash::put;
 
+pub use half_difference::HalfDifference;
 pub use merl::Merl;
 pub use nbrdf::Nbrdf;
 pub use neubrdf::{CornerWeights, Dense, Encoding, Gathered, NO_CODE, NeuBrdf, Provenance, SphereTable};
@@ -30,6 +32,7 @@ pub use sphere_grid::{Located, POLE, SphereGrid};
 
 /// A BRDF that a file gives.
 #[derive(Clone, Debug, PartialEq)]
+#[allow(clippy::large_enum_variant)] // A scene has each once, behind an `Arc`.
 pub enum Brdf {
     /// A small network (Sztrajman et al. 2021).
     Nbrdf(Nbrdf),
@@ -37,16 +40,18 @@ pub enum Brdf {
     Merl(Merl),
     /// Tables over adapted coordinates (Dupuy and Jakob 2018).
     Rgl(Rgl),
+    /// A network over features on spheres.
+    NeuBrdf(Box<NeuBrdf>),
     /// Samples, few and anywhere.
     Sparse(Sparse),
 }
 
 /// The endings of file names that [`Brdf::load`] knows, for messages.
-const ENDINGS: &str = "a name that ends in .safetensors, .npy, .binary, .bsdf or .csv";
+const ENDINGS: &str = "a name that ends in .neubrdf, .safetensors, .npy, .binary, .bsdf or .csv";
 
 impl Brdf {
-    /// Reads a file of the kind that its name's ending tells: `.safetensors` or `.npy` (see [`Nbrdf`]),
-    /// `.binary` ([`Merl`]), `.bsdf` ([`Rgl`]) or `.csv` ([`Sparse`]). `name` picks one material of a file that holds several.
+    /// Reads a file of the kind that its name's ending tells: `.neubrdf` ([`NeuBrdf`]), `.safetensors` or
+    /// `.npy` ([`Nbrdf`]), `.binary` ([`Merl`]), `.bsdf` ([`Rgl`]) or `.csv` ([`Sparse`]). `name` picks one material of a file that holds several.
     ///
     /// # Errors
     /// The file cannot be read, its ending says nothing, or it is not what the ending says: with the file, the part of it, what
@@ -67,6 +72,7 @@ impl Brdf {
         };
         match ending.as_str() {
             "safetensors" => Nbrdf::from_safetensors(path, name, needed_by).map(Brdf::Nbrdf),
+            "neubrdf" => only(Brdf::NeuBrdf(Box::new(NeuBrdf::load_for(path, needed_by)?))),
             "npy" => only(Brdf::Nbrdf(Nbrdf::from_npy(path, needed_by)?)),
             "binary" => only(Brdf::Merl(Merl::read(path, needed_by)?)),
             "bsdf" => only(Brdf::Rgl(Rgl::read(path, needed_by)?)),
@@ -94,6 +100,7 @@ impl Brdf {
                 put(hasher, b"sparse");
                 sparse.put(hasher);
             }
+            Brdf::NeuBrdf(neubrdf) => neubrdf.put(hasher),
         }
     }
 }

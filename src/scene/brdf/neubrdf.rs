@@ -6,7 +6,8 @@ use std::collections::BTreeMap;
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
-use super::SphereGrid;
+use super::{Located, SamplingLobe, SphereGrid};
+use crate::scene::hash::put;
 
 /// [`SphereTable::indices`] of a point that is a corner of no pixel, since merging made its pixels one.
 pub const NO_CODE: u16 = u16::MAX;
@@ -58,11 +59,10 @@ impl SphereTable {
             level = self.levels.get(pixel as usize).map_or(0, |level| u32::from(*level));
             level
         });
-        let (u, v) = (located.u, located.v);
         let weights = match corner_weights {
-            CornerWeights::Bilinear => [(1.0 - u) * (1.0 - v), u * (1.0 - v), (1.0 - u) * v, u * v],
+            CornerWeights::Bilinear => located.bilinear_weights(),
             CornerWeights::Uniform if level == 0 => [0.25; 4],
-            CornerWeights::Uniform => inverse_distances(u, v),
+            CornerWeights::Uniform => inverse_distances(&located),
         };
         Gathered { points: located.corners, weights }
     }
@@ -105,10 +105,15 @@ impl SphereTable {
 }
 
 /// Weights by the inverse of the Euclidean distance in the pixel's plane, where areas are those on the sphere.
-fn inverse_distances(u: f64, v: f64) -> [f64; 4] {
+fn inverse_distances(located: &Located) -> [f64; 4] {
     // A corner closer than this is all that counts; beyond, division is safe.
-    const NEAREST: f64 = 1e-3;
-    let weights = [(u, v), (1.0 - u, v), (u, 1.0 - v), (1.0 - u, 1.0 - v)].map(|(x, y)| 1.0 / x.hypot(y).max(NEAREST));
+    const NEAREST: f64 = 1e-2;
+    let &Located { u, v, .. } = located;
+    let mut weights =
+        [(u, v), (1.0 - u, v), (u, 1.0 - v), (1.0 - u, 1.0 - v)].map(|(x, y)| 1.0 / x.hypot(y).max(NEAREST));
+    if located.is_triangle() {
+        weights[3] = 0.0;
+    }
     let sum: f64 = weights.iter().sum();
     weights.map(|weight| weight / sum)
 }
@@ -167,6 +172,29 @@ pub struct NeuBrdf {
     pub layers: Vec<Dense>,
     /// What the outputs stand for.
     pub encoding: Encoding,
+    /// What samples it.
+    pub lobe: SamplingLobe,
     /// Where it comes from.
     pub provenance: Provenance,
+}
+
+impl NeuBrdf {
+    /// Adds all that its values depend on to a fingerprint.
+    pub(super) fn put(&self, hasher: &mut blake3::Hasher) {
+        let NeuBrdf { is_isotropic, corner_weights, wi, wo, layers, encoding, lobe, provenance: _ } = self;
+        put(hasher, b"neubrdf");
+        put(hasher, &[u8::from(*is_isotropic), u8::from(*corner_weights == CornerWeights::Bilinear)]);
+        for SphereTable { grid, features, codes, indices, levels } in [wi, wo] {
+            put(hasher, &[grid.n_side(), *features]);
+            put(hasher, codes);
+            put(hasher, indices);
+            put(hasher, levels);
+        }
+        for Dense { inputs: _, outputs: _, weights, bias } in layers {
+            put(hasher, weights);
+            put(hasher, bias);
+        }
+        put(hasher, &[encoding.gain, encoding.scale, encoding.max]);
+        put(hasher, &lobe.to_floats());
+    }
 }

@@ -1,6 +1,6 @@
 //! What makes a NeuBRDF valid.
 
-use super::{Dense, Encoding, NO_CODE, NeuBrdf, SphereTable};
+use super::{Dense, Encoding, NO_CODE, NeuBrdf, SamplingLobe, SphereTable};
 
 /// What is wrong with a NeuBRDF.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
@@ -57,7 +57,7 @@ impl NeuBrdf {
             "as many as ωi has",
         )?;
         let depth = self.layers.len();
-        expect((1..=Self::MAX_LAYERS).contains(&depth), "layers", || format!("{depth} layers"), "1 to 8")?;
+        expect((2..=Self::MAX_LAYERS).contains(&depth), "layers", || format!("{depth} layers"), "2 to 8")?;
         let mut width = self.wi.features + self.wo.features;
         let mut reached = self.wi.greatest().max(self.wo.greatest());
         for (index, layer) in self.layers.iter().enumerate() {
@@ -70,6 +70,9 @@ impl NeuBrdf {
         }
         expect(width == 3, "layers", || format!("{width} outputs"), "3")?;
         self.encoding.validate()?;
+        let lobe = self.lobe.to_floats();
+        let fits = SamplingLobe::from_floats(&lobe).is_some();
+        expect(fits, "lobe", || format!("{lobe:?}"), "α and probabilities, in range")?;
         let is_finite = self.provenance.errors.values().all(|error| error.is_finite());
         expect(is_finite, "provenance.errors", || "a number that is not finite".into(), "finite numbers")
     }

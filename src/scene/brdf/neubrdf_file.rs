@@ -19,7 +19,9 @@ use std::path::Path;
 use half::f16;
 use serde::{Deserialize, Serialize};
 
-use super::{CornerWeights, Dense, Encoding, Flaw, NO_CODE, NeuBrdf, Provenance, SphereGrid, SphereTable};
+use super::{
+    CornerWeights, Dense, Encoding, Flaw, NO_CODE, NeuBrdf, Provenance, SamplingLobe, SphereGrid, SphereTable,
+};
 use crate::scene::error::{Error, Place, open};
 
 const MAGIC: [u8; 8] = *b"NEUBRDF\0";
@@ -52,6 +54,8 @@ struct Header {
     widths: Vec<u32>,
     precision: Precision,
     encoding: Encoding,
+    /// [`SamplingLobe::to_floats`].
+    lobe: Vec<f32>,
     provenance: Provenance,
 }
 
@@ -86,6 +90,7 @@ impl NeuBrdf {
             widths: self.layers.iter().map(|layer| layer.inputs).chain([3]).collect(),
             precision,
             encoding: self.encoding,
+            lobe: self.lobe.to_floats().to_vec(),
             provenance: self.provenance.clone(),
         };
         let header = serde_json::to_vec(&header)
@@ -156,16 +161,27 @@ impl NeuBrdf {
             ));
         }
         let Header { is_isotropic, corner_weights, encoding, provenance, .. } = header;
-        let brdf = NeuBrdf { is_isotropic, corner_weights, wi, wo, layers, encoding, provenance };
+        let lobe = header.lobe.as_slice().try_into().ok().and_then(SamplingLobe::from_floats);
+        let lobe =
+            lobe.ok_or_else(|| Flaw::new("lobe", format!("{:?}", header.lobe), "α and probabilities, in range"))?;
+        let brdf = NeuBrdf { is_isotropic, corner_weights, wi, wo, layers, encoding, lobe, provenance };
         brdf.validate()?;
         Ok(brdf)
     }
 
     /// Reads a `.neubrdf` file.
+    ///
+    /// # Errors
+    /// It cannot be read, or is not valid.
     pub fn load(path: &Path) -> Result<NeuBrdf, Error> {
+        NeuBrdf::load_for(path, None)
+    }
+
+    /// The same, on behalf of a key of a scene file.
+    pub(super) fn load_for(path: &Path, needed_by: Option<&Place>) -> Result<NeuBrdf, Error> {
         let mut bytes = Vec::new();
-        let file = open(path, None)?;
-        file.take(MOST_BYTES + 1).read_to_end(&mut bytes).map_err(|source| Error::read(path, None, source))?;
+        let file = open(path, needed_by)?;
+        file.take(MOST_BYTES + 1).read_to_end(&mut bytes).map_err(|source| Error::read(path, needed_by, source))?;
         let read = if bytes.len() as u64 > MOST_BYTES {
             Err(Flaw::new("file", "more bytes", format!("at most {MOST_BYTES}")))
         } else {

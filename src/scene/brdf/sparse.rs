@@ -4,10 +4,12 @@
 //! in [0, 90), and the BRDF in sr⁻¹ without the cosine. Empty lines, and lines that start with `#`, are skipped.
 //! A file in which every `wi_phi` is 0 describes an isotropic material: the difference of the azimuths counts, and not its sign.
 
+use std::f64::consts::FRAC_2_PI;
 use std::path::Path;
 
-use glam::{DVec3, Vec3};
+use glam::{DVec2, DVec3, DVec4, Vec3};
 
+use super::HalfDifference;
 use crate::scene::error::{Error, Place, quote, read_bytes};
 use crate::scene::hash::put;
 
@@ -22,10 +24,10 @@ const GRAZING: f64 = 90.0;
 /// A BRDF that is known for some pairs of directions.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Sparse {
-    /// At least one, at most [`Sparse::MOST_SAMPLES`].
-    pub samples: Vec<SparseSample>,
-    /// Whether the azimuths count by their difference alone.
-    pub is_isotropic: bool,
+    samples: Vec<SparseSample>,
+    /// Where each of them is.
+    coordinates: Vec<DVec4>,
+    is_isotropic: bool,
 }
 
 /// One of them.
@@ -42,6 +44,36 @@ pub struct SparseSample {
 impl Sparse {
     /// Evaluation looks at all samples, so there are not many.
     pub const MOST_SAMPLES: usize = 4096;
+
+    /// At least one sample, at most [`Sparse::MOST_SAMPLES`], and whether the azimuths count by their difference alone.
+    pub fn new(samples: Vec<SparseSample>, is_isotropic: bool) -> Sparse {
+        let coordinates = samples.iter().map(|sample| coordinates(sample.wo, sample.wi, is_isotropic)).collect();
+        Sparse { samples, coordinates, is_isotropic }
+    }
+
+    /// What is known.
+    pub fn samples(&self) -> &[SparseSample] {
+        &self.samples
+    }
+
+    /// [`Sparse::coordinates_of`] each sample.
+    pub fn coordinates(&self) -> &[DVec4] {
+        &self.coordinates
+    }
+
+    /// Whether the azimuths count by their difference alone.
+    pub fn is_isotropic(&self) -> bool {
+        self.is_isotropic
+    }
+
+    /// Where a pair of directions is among the samples: numbers in which BRDFs are smooth.
+    ///
+    /// The first two are √(2θh/π) in the direction of φh: highlights are narrow in the half vector, and the root spreads them as in MERL
+    /// tables. The other two are sin θd in the direction of 2φd, so that swapping `wo` and `wi` changes nothing. For an isotropic
+    /// material φh counts as 0 and φd as |φd|.
+    pub fn coordinates_of(&self, wo: DVec3, wi: DVec3) -> DVec4 {
+        coordinates(wo, wi, self.is_isotropic)
+    }
 
     /// Reads a `.csv` file: an error if it cannot be read, its header is another, or a row has another number of columns or a number out
     /// of range.
@@ -84,7 +116,7 @@ impl Sparse {
         if samples.is_empty() {
             return Err(Error::unexpected(Place::file(path), "no sample", "at least one"));
         }
-        Ok(Sparse { samples, is_isotropic })
+        Ok(Sparse::new(samples, is_isotropic))
     }
 
     pub(super) fn put(&self, hasher: &mut blake3::Hasher) {
@@ -122,4 +154,18 @@ fn numbers(path: &Path, line: usize, row: &str) -> Result<[f64; 7], Error> {
 fn direction(theta: f64, phi: f64) -> DVec3 {
     let ((sine, cosine), phi) = (theta.to_radians().sin_cos(), phi.to_radians());
     DVec3::new(sine * phi.cos(), sine * phi.sin(), cosine)
+}
+
+fn coordinates(wo: DVec3, wi: DVec3, is_isotropic: bool) -> DVec4 {
+    let pair = HalfDifference::new(wo, wi);
+    let half = (pair.theta_half() * FRAC_2_PI).sqrt();
+    // The square of a complex number, over its length, has twice its azimuth.
+    let DVec2 { x, y } = pair.across;
+    let doubled = DVec2::new(x * x - y * y, 2.0 * x * y) / pair.across.length().max(f64::MIN_POSITIVE);
+    if is_isotropic {
+        DVec4::new(half, 0.0, doubled.x, doubled.y.abs())
+    } else {
+        let direction = pair.half.truncate().try_normalize().unwrap_or(DVec2::X) * half;
+        DVec4::new(direction.x, direction.y, doubled.x, doubled.y)
+    }
 }

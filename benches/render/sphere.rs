@@ -1,0 +1,154 @@
+//! Time to an error of a sphere of NeuBRDF, ours and Mitsuba's: the same network, of the paper's size, with random weights.
+
+use anyhow::{Context, Result};
+use glam::{Affine3A, Vec3};
+use neubrdf::scene::{
+    Brdf, Camera, Color, CornerWeights, Dense, Encoding, Environment, Film, Instance, Material, Mesh, NeuBrdf, SamplingLobe,
+    Scene, SphereGrid, SphereTable, Surface,
+};
+use serde_json::{Value, json};
+use std::sync::Arc;
+
+use crate::error::{cache_directory, climb};
+
+const N_SIDE: u32 = 64;
+const FEATURES: u32 = 16;
+const CODES: usize = 256;
+const LAYERS: [u32; 5] = [2 * FEATURES, 64, 64, 64, 3];
+/// The lobe is picked half of the time.
+const ALPHA: f32 = 0.2;
+
+pub fn run() -> Result<()> {
+    let brdf = random_network().context("no such grid")?;
+    let file = cache_directory()?.join("sphere.json");
+    std::fs::write(&file, for_mitsuba(&brdf).to_string())?;
+    climb("sphere", &scene(brdf), &file)
+}
+
+/// Weights of a spread that keeps signals alive from layer to layer; values of about 0.2.
+fn random_network() -> Option<NeuBrdf> {
+    let mut random = Random(1);
+    let grid = SphereGrid::new(N_SIDE)?;
+    let mut table = || SphereTable {
+        grid,
+        features: FEATURES,
+        codes: (0..CODES * FEATURES as usize).map(|_| random.normal()).collect(),
+        indices: (0..grid.point_count()).map(|_| (random.unit() * CODES as f32) as u16).collect(),
+        levels: Vec::new(),
+    };
+    let (wi, wo) = (table(), table());
+    let layer = |shape: &[u32]| {
+        let [inputs, outputs] = [shape[0], shape[1]];
+        let (spread, bias) = if outputs == 3 { (0.02, 0.0) } else { ((2.0 / inputs as f32).sqrt(), 0.1) };
+        Dense {
+            inputs,
+            outputs,
+            weights: (0..inputs * outputs).map(|_| spread * random.normal()).collect(),
+            bias: (0..outputs).map(|_| if outputs == 3 { 0.15 } else { bias * random.normal() }).collect(),
+        }
+    };
+    Some(NeuBrdf {
+        is_isotropic: false,
+        corner_weights: CornerWeights::Uniform,
+        wi,
+        wo,
+        layers: LAYERS.windows(2).map(layer).collect(),
+        encoding: Encoding { gain: 1.0, scale: 1.0, max: 1e4 },
+        lobe: SamplingLobe { alpha: [ALPHA; 2], weight: [0.5; SamplingLobe::NODES] },
+        provenance: Default::default(),
+    })
+}
+
+/// As benches/mitsuba_neubrdf.py reads it.
+fn for_mitsuba(brdf: &NeuBrdf) -> Value {
+    let table = |table: &SphereTable| json!({ "codes": table.codes, "indices": table.indices });
+    let layer = |layer: &Dense| json!({ "weights": layer.weights, "bias": layer.bias });
+    json!({
+        "n_side": N_SIDE,
+        "features": FEATURES,
+        "alpha": ALPHA,
+        "wi": table(&brdf.wi),
+        "wo": table(&brdf.wo),
+        "layers": brdf.layers.iter().map(layer).collect::<Vec<_>>(),
+        "gain": brdf.encoding.gain,
+        "scale": brdf.encoding.scale,
+        "max": brdf.encoding.max,
+    })
+}
+
+/// A ball on a grey ground under a lamp and a sky, z up, as in benches/mitsuba_scene.py.
+fn scene(brdf: NeuBrdf) -> Scene {
+    let material = |name: &str, surface, emission| Material { name: name.into(), surface, emission, emits_both_sides: false };
+    let grey = || Surface::Diffuse { albedo: Color::constant(Vec3::splat(0.5)) };
+    let square = |center: Vec3, x: Vec3, y: Vec3, material| Mesh {
+        positions: vec![center - x - y, center + x - y, center + x + y, center - x + y],
+        triangles: vec![[0, 1, 2], [0, 2, 3]],
+        materials: vec![material],
+        ..Mesh::default()
+    };
+    let lamp = square(Vec3::new(1.5, -1.0, 4.0), Vec3::X * 0.7, Vec3::NEG_Y * 0.7, 2);
+    let meshes = vec![ball(Vec3::Z), square(Vec3::ZERO, Vec3::X * 20.0, Vec3::Y * 20.0, 1), lamp];
+    let instances = (0..meshes.len() as u32).map(|mesh| Instance { mesh, object_to_world: Affine3A::IDENTITY });
+    Scene {
+        camera: Camera {
+            eye: Vec3::new(0.0, -4.0, 1.6),
+            target: Vec3::new(0.0, 0.0, 0.8),
+            up: Vec3::Z,
+            vertical_fov_degrees: 40.0,
+            lens: None,
+        },
+        film: Film { width: 256, height: 256 },
+        instances: instances.collect(),
+        meshes,
+        materials: vec![
+            material("ball", Surface::Measured { brdf: 0 }, Vec3::ZERO),
+            material("ground", grey(), Vec3::ZERO),
+            material("lamp", grey(), Vec3::splat(12.0)),
+        ],
+        brdfs: vec![Arc::new(Brdf::NeuBrdf(brdf))],
+        textures: Vec::new(),
+        environment: Some(Environment::constant(Vec3::splat(0.5))),
+        sun: None,
+    }
+}
+
+/// A sphere of radius 1, with normals and, for the tangents, texture coordinates.
+fn ball(center: Vec3) -> Mesh {
+    use std::f32::consts::{PI, TAU};
+    const ROWS: u32 = 64;
+    const SEGMENTS: u32 = 128;
+    let mut mesh = Mesh { name: "ball".into(), materials: vec![0], ..Mesh::default() };
+    for row in 0..=ROWS {
+        for segment in 0..=SEGMENTS {
+            let (u, v) = (segment as f32 / SEGMENTS as f32, row as f32 / ROWS as f32);
+            let (sine, cosine) = (PI * v).sin_cos();
+            let normal = Vec3::new(sine * (TAU * u).cos(), sine * (TAU * u).sin(), cosine);
+            mesh.positions.push(center + normal);
+            mesh.normals.push(normal);
+            mesh.uvs.push(glam::Vec2::new(u, v));
+        }
+    }
+    let at = |row, segment| row * (SEGMENTS + 1) + segment;
+    for row in 0..ROWS {
+        for segment in 0..SEGMENTS {
+            let [a, b] = [at(row, segment), at(row, segment + 1)];
+            let [c, d] = [at(row + 1, segment), at(row + 1, segment + 1)];
+            mesh.triangles.extend([[a, c, d], [a, d, b]]);
+        }
+    }
+    mesh
+}
+
+struct Random(u64);
+
+impl Random {
+    fn unit(&mut self) -> f32 {
+        self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (self.0 >> 40) as f32 / (1 << 24) as f32
+    }
+
+    /// Standard normal, by the sum of twelve.
+    fn normal(&mut self) -> f32 {
+        (0..12).map(|_| self.unit()).sum::<f32>() - 6.0
+    }
+}

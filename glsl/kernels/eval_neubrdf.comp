@@ -1,0 +1,39 @@
+// Evaluates one NeuBRDF for pairs of light directions in an array: what tests and benches run.
+#version 460
+#extension GL_GOOGLE_include_directive : require
+
+layout(local_size_x_id = 0) in;
+
+#include "lib/neubrdf.glsl"
+
+struct NeuBrdfQuery {
+    vec3 wo;
+    vec3 wi_1;
+    vec3 wi_2;
+};
+layout(buffer_reference, scalar, buffer_reference_align = 4) readonly buffer NeuBrdfQueries { NeuBrdfQuery at[]; };
+
+struct NeuBrdfValues {
+    vec3 f_1;
+    vec3 f_2;
+};
+layout(buffer_reference, scalar, buffer_reference_align = 4) writeonly buffer NeuBrdfResults { NeuBrdfValues at[]; };
+
+layout(push_constant, scalar) uniform NeuBrdfPush {
+    uvec2 table;    // a NeuBrdfTable
+    NeuBrdfQueries queries;
+    NeuBrdfResults results;
+    uint count;
+    uint padding;
+} push;
+
+void main() {
+    // All invocations evaluate, those beyond the end the last query once more.
+    uint i = gl_GlobalInvocationID.x;
+    NeuBrdfQuery query = push.queries.at[min(i, push.count - 1u)];
+    NeuBrdfValues values;
+    neubrdf_eval_pair(push.table, query.wo, query.wi_1, query.wi_2, values.f_1, values.f_2);
+    if (i < push.count) {
+        push.results.at[i] = values;
+    }
+}

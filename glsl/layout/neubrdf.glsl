@@ -1,0 +1,43 @@
+// A NeuBRDF in memory, as src/render/neubrdf_table.rs packs it: a header, and behind it arrays that are found by their distance from
+// it in groups of four words, all at multiples of 16 bytes.
+#ifndef LAYOUT_NEUBRDF
+#define LAYOUT_NEUBRDF
+
+#extension GL_EXT_buffer_reference : require
+#extension GL_EXT_buffer_reference_uvec2 : require
+#extension GL_EXT_scalar_block_layout : require
+
+// What all models of a scene are filled up to, with zeros.
+layout(constant_id = 20) const uint NEUBRDF_FEATURE_GROUPS = 4u;   // of four features, of a direction
+layout(constant_id = 21) const uint NEUBRDF_HIDDEN_GROUPS = 16u;   // of four neurons, of a layer that is not the last
+layout(constant_id = 22) const uint NEUBRDF_LAYERS = 4u;
+layout(constant_id = 23) const bool NEUBRDF_HALF = false;          // codes, weights and biases are f16
+layout(constant_id = 24) const bool NEUBRDF_ISOTROPIC = true;      // some model is
+// Of a subgroup, which share loads of weights and are all active; 1: each invocation loads for itself.
+layout(constant_id = 25) const uint NEUBRDF_LANES = 1u;
+
+struct SphereTableRecord {
+    uint n_side;
+    uint codes;     // of four numbers each: the codes, one after another
+    uint indices;   // of grid points, two a word
+    uint levels;    // of pixels, four a word: how often they were merged; 0 where none was
+};
+
+layout(buffer_reference, scalar, buffer_reference_align = 16) readonly buffer NeuBrdfTable {
+    SphereTableRecord wi;
+    SphereTableRecord wo;
+    uint layers;           // see lib/neubrdf.glsl
+    uint is_isotropic;
+    uint has_equal_weights;
+    float scale;           // of the network's output: the exponent
+    float most_exponent;   // at which the value is the greatest
+    float inverse_gain;
+    uint padding_0;
+    uint padding_1;
+};
+
+layout(buffer_reference, scalar, buffer_reference_align = 16) readonly buffer NeuBrdfFloats { vec4 at[]; };
+layout(buffer_reference, scalar, buffer_reference_align = 8) readonly buffer NeuBrdfHalves { uvec2 at[]; };
+layout(buffer_reference, scalar, buffer_reference_align = 4) readonly buffer NeuBrdfWords { uint at[]; };
+
+#endif

@@ -1,0 +1,66 @@
+//! Hard estimates.
+
+use glam::Vec3;
+
+use super::build::*;
+use super::{Case, Expected, Trial};
+use crate::render::BsdfSampling;
+use crate::scene::{Film, Scene, Surface};
+
+pub fn cases() -> Vec<Case> {
+    vec![
+        Case {
+            name: "densities that vanish where f does not",
+            why: "cosine-sampled directions at grazing, where a metal shines most: f/pdf grows without bound",
+            trial: strategy(BsdfSampling::Cosine),
+        },
+        Case {
+            name: "uniform directions",
+            why: "densities that know nothing of the material, weighed against light samples",
+            trial: strategy(BsdfSampling::Uniform),
+        },
+        Case {
+            name: "no light samples",
+            why: "weights must be 1 wherever nothing competes",
+            trial: {
+                let mut trial = Trial::new(still_life(1.0)).samples(256);
+                trial.scene.environment = Some(crate::scene::Environment::constant(Vec3::splat(0.3)));
+                trial.settings.light_sampling = false;
+                trial
+            },
+        },
+        Case {
+            name: "a firefly trap",
+            why: "a small lamp seen by the floor through rough glass: rare paths carry nearly all of the light",
+            trial: Trial::new(firefly_trap()).depth(8).samples(128),
+        },
+        Case { name: "1 spp", why: "nothing is known of a spread", trial: sized(24, 24, 1) },
+        Case { name: "1 × 1 pixels", why: "less than a workgroup", trial: sized(1, 1, 16) },
+        Case { name: "16384 × 1 pixels", why: "more than a pool, in one row", trial: sized(16_384, 1, 5) },
+        Case { name: "37 × 29 pixels", why: "no multiple of any workgroup", trial: sized(37, 29, 3) },
+    ]
+}
+
+fn strategy(bsdf_sampling: BsdfSampling) -> Trial {
+    let mut scene = still_life(1.0);
+    scene.materials[1] = material(conductor(0.9, 0.4));
+    scene.environment = Some(crate::scene::Environment::constant(Vec3::splat(0.3)));
+    let mut trial = Trial::new(scene).samples(128);
+    trial.settings.bsdf_sampling = bsdf_sampling;
+    trial
+}
+
+fn firefly_trap() -> Scene {
+    let mut scene = still_life(1.0);
+    scene.materials[1] = material(Surface::Dielectric { ior: 1.5, alpha: 0.2 });
+    scene.meshes[2] = ceiling(0.2, 2.5, 2);
+    scene.materials[2] = lamp(60.0);
+    scene
+}
+
+/// A white floor under a white sky fills the picture: every pixel is 1 at any number of samples.
+fn sized(width: u32, height: u32, samples: u32) -> Trial {
+    let mut scene = furnace(vec![floor(1.0, 0.0, 0)], vec![material(diffuse(1.0))], at(0.0, 2.0, 0.5), Vec3::ZERO);
+    scene.film = Film { width, height };
+    Trial::new(scene).samples(samples).expecting(Expected::Radiance(1.0, 1e-5))
+}

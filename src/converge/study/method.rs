@@ -1,0 +1,290 @@
+//! Methods: every choice that may change how fast a picture converges, and nothing that changes what it converges to.
+
+use std::fmt;
+
+use serde::{Deserialize, Serialize};
+
+use crate::render::{BsdfSampling, Sampler, Traversal};
+
+/// What renders.
+#[derive(Clone, Debug, PartialEq, Eq, Hash)]
+pub enum Engine {
+    /// The wavefront on a Vulkan device, by a part of the device's or driver's name, its number, or `auto`.
+    Vulkan(String),
+    /// [`crate::reference`].
+    Embree,
+    /// Mitsuba 3, by its own path tracer.
+    Mitsuba,
+}
+
+/// One way to render a scene. What an engine has no choice about is `None`.
+#[derive(Clone, Debug, PartialEq, Eq, Hash)]
+pub struct Method {
+    /// What renders.
+    pub engine: Engine,
+    /// How rays find triangles; `None`: what suits the device.
+    pub traversal: Option<Traversal>,
+    /// Where random numbers come from.
+    pub sampler: Option<Sampler>,
+    /// Whether lights are sampled.
+    pub light_sampling: bool,
+    /// How directions are picked.
+    pub bsdf_sampling: BsdfSampling,
+    /// What networks are evaluated in.
+    pub precision: Precision,
+    /// Paths in flight; `None`: what suits the device.
+    pub pool: Option<u32>,
+    /// Which of the scene's models of its materials is rendered; `None`: the scene as it is, which is the truth.
+    pub model: Option<String>,
+}
+
+/// Floating-point format of networks.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub enum Precision {
+    /// 32 bits.
+    #[default]
+    F32,
+    /// 16 bits.
+    F16,
+}
+
+/// The axes of a product of methods; what is empty has its default.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Axes {
+    /// Devices, `embree`, `mitsuba`.
+    pub device: Vec<String>,
+    /// `ray-query`, `bvh`, `auto`.
+    pub traversal: Vec<String>,
+    /// `sobol`, `pcg`.
+    pub sampler: Vec<String>,
+    /// `on`, `off`.
+    pub light_sampling: Vec<String>,
+    /// `lobe`, `cosine`, `uniform`.
+    pub bsdf_sampling: Vec<String>,
+    /// `f32`, `f16`.
+    pub precision: Vec<String>,
+    /// Numbers of paths, `auto`.
+    pub pool: Vec<String>,
+    /// Names of models, `truth`.
+    pub model: Vec<String>,
+}
+
+/// The names of the axes, as flags and study files have them.
+pub const AXES: [&str; 8] =
+    ["device", "traversal", "sampler", "light-sampling", "bsdf-sampling", "precision", "pool", "model"];
+
+impl Axes {
+    /// The values of the axis of that name.
+    pub fn axis_mut(&mut self, name: &str) -> Option<&mut Vec<String>> {
+        Some(match name {
+            "device" => &mut self.device,
+            "traversal" => &mut self.traversal,
+            "sampler" => &mut self.sampler,
+            "light-sampling" => &mut self.light_sampling,
+            "bsdf-sampling" => &mut self.bsdf_sampling,
+            "precision" => &mut self.precision,
+            "pool" => &mut self.pool,
+            "model" => &mut self.model,
+            _ => return None,
+        })
+    }
+
+    /// All combinations, each once: Embree and Mitsuba have no choice about most axes.
+    ///
+    /// # Errors
+    /// A word that an axis does not know, as "(axis) 'word': expected …".
+    pub fn methods(&self) -> Result<Vec<Method>, String> {
+        let devices = choices("device", &self.device, "auto", |word| {
+            Ok(match word {
+                "embree" => Engine::Embree,
+                "mitsuba" => Engine::Mitsuba,
+                _ => Engine::Vulkan(word.to_owned()),
+            })
+        })?;
+        let traversals = choices("traversal", &self.traversal, "auto", |word| match word {
+            "auto" => Ok(None),
+            _ => word.parse::<Traversal>().map(Some).map_err(|error| format!("{error}, or auto")),
+        })?;
+        let samplers = choices("sampler", &self.sampler, "sobol", |word| parse(word.parse::<Sampler>()))?;
+        let light = choices("light-sampling", &self.light_sampling, "on", |word| match word {
+            "on" => Ok(true),
+            "off" => Ok(false),
+            _ => Err(format!("'{word}': expected on or off")),
+        })?;
+        let bsdf = choices("bsdf-sampling", &self.bsdf_sampling, "lobe", |word| parse(word.parse::<BsdfSampling>()))?;
+        let precisions = choices("precision", &self.precision, "f32", |word| match word {
+            "f32" => Ok(Precision::F32),
+            "f16" => Ok(Precision::F16),
+            _ => Err(format!("'{word}': expected f32 or f16")),
+        })?;
+        let pools = choices("pool", &self.pool, "auto", |word| match word {
+            "auto" => Ok(None),
+            _ => match word.parse() {
+                Ok(paths) if paths > 0 => Ok(Some(paths)),
+                _ => Err(format!("'{word}': expected a number of paths of at least 1, or auto")),
+            },
+        })?;
+        let models = choices("model", &self.model, "truth", |word| Ok((word != "truth").then(|| word.to_owned())))?;
+
+        let mut methods: Vec<Method> = vec![];
+        for model in &models {
+            for engine in &devices {
+                for traversal in &traversals {
+                    for sampler in &samplers {
+                        for light_sampling in &light {
+                            for bsdf_sampling in &bsdf {
+                                for precision in &precisions {
+                                    for pool in &pools {
+                                        let method = Method {
+                                            engine: engine.clone(),
+                                            traversal: *traversal,
+                                            sampler: Some(*sampler),
+                                            light_sampling: *light_sampling,
+                                            bsdf_sampling: *bsdf_sampling,
+                                            precision: *precision,
+                                            pool: *pool,
+                                            model: model.clone(),
+                                        }
+                                        .without_idle_choices();
+                                        if !methods.contains(&method) {
+                                            methods.push(method);
+                                        }
+                                    }
+                                }
+                            }
+                        }
+                    }
+                }
+            }
+        }
+        Ok(methods)
+    }
+}
+
+fn choices<T>(
+    axis: &str,
+    words: &[String],
+    default: &str,
+    parse: impl Fn(&str) -> Result<T, String>,
+) -> Result<Vec<T>, String> {
+    let parse = |word: &str| parse(word).map_err(|error| format!("{axis} {error}"));
+    match words.is_empty() {
+        true => Ok(vec![parse(default)?]),
+        false => words.iter().map(|word| parse(word)).collect(),
+    }
+}
+
+fn parse<T, E: fmt::Display>(result: Result<T, E>) -> Result<T, String> {
+    result.map_err(|error| error.to_string())
+}
+
+impl Method {
+    fn without_idle_choices(self) -> Method {
+        match self.engine {
+            Engine::Vulkan(_) => self,
+            // Both sample lights and their materials' lobes, with independent numbers.
+            Engine::Embree | Engine::Mitsuba => Method {
+                traversal: None,
+                sampler: None,
+                light_sampling: true,
+                bsdf_sampling: BsdfSampling::Lobe,
+                precision: Precision::F32,
+                pool: None,
+                ..self
+            },
+        }
+    }
+
+    /// Each axis by name, with its value in words.
+    pub fn words(&self) -> [(&'static str, String); 8] {
+        let auto = |word: Option<String>| word.unwrap_or_else(|| "auto".into());
+        [
+            (
+                "device",
+                match &self.engine {
+                    Engine::Vulkan(name) => name.clone(),
+                    Engine::Embree => "embree".into(),
+                    Engine::Mitsuba => "mitsuba".into(),
+                },
+            ),
+            ("traversal", auto(self.traversal.map(|traversal| traversal.to_string()))),
+            ("sampler", self.sampler.map_or("independent".into(), |sampler| sampler.to_string())),
+            ("light-sampling", if self.light_sampling { "on".into() } else { "off".into() }),
+            ("bsdf-sampling", self.bsdf_sampling.to_string()),
+            ("precision", if self.precision == Precision::F16 { "f16".into() } else { "f32".into() }),
+            ("pool", auto(self.pool.map(|paths| paths.to_string()))),
+            ("model", self.model.clone().unwrap_or_else(|| "truth".into())),
+        ]
+    }
+
+    /// Its name among others: the device, and of the other axes those on which they differ.
+    pub fn label(&self, others: &[Method]) -> String {
+        let chosen = |axis: usize| match (self.words()[axis].0, &self.words()[axis].1) {
+            ("light-sampling", word) => format!("lights {word}"),
+            ("bsdf-sampling", word) => format!("{word} directions"),
+            ("pool", word) => format!("pool {word}"),
+            (_, word) => word.clone(),
+        };
+        let idle = |axis: usize| !matches!(self.engine, Engine::Vulkan(_)) && (1..7).contains(&axis);
+        let differ = |axis: usize| others.iter().any(|other| other.words()[axis].1 != self.words()[axis].1);
+        let parts: Vec<String> =
+            (0..AXES.len()).filter(|axis| *axis == 0 || (differ(*axis) && !idle(*axis))).map(chosen).collect();
+        parts.join(", ")
+    }
+}
+
+/// All that there is to know about it, fit for a file's name: `llvmpipe+bvh+sobol+on+lobe+f32+auto+truth`.
+impl fmt::Display for Method {
+    fn fmt(&self, out: &mut fmt::Formatter) -> fmt::Result {
+        let plain = |word: &str| -> String {
+            word.chars().map(|char| if char.is_alphanumeric() || "-._".contains(char) { char } else { '_' }).collect()
+        };
+        out.write_str(&self.words().map(|(_, word)| plain(&word)).join("+"))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn words(list: &[&str]) -> Vec<String> {
+        list.iter().map(|word| (*word).to_owned()).collect()
+    }
+
+    #[test]
+    fn axes_multiply_and_idle_choices_do_not() {
+        let axes = Axes {
+            device: words(&["llvmpipe", "embree"]),
+            traversal: words(&["bvh", "ray-query"]),
+            sampler: words(&["sobol", "pcg"]),
+            light_sampling: words(&["on", "off"]),
+            ..Axes::default()
+        };
+        let methods = axes.methods().unwrap();
+        assert_eq!(methods.len(), 2 * 2 * 2 + 1);
+        assert_eq!(methods[0].to_string(), "llvmpipe+bvh+sobol+on+lobe+f32+auto+truth");
+        assert_eq!(methods[0].label(&methods), "llvmpipe, bvh, sobol, lights on");
+        assert_eq!(methods[8].label(&methods), "embree");
+        let mut names: Vec<String> = methods.iter().map(|method| method.label(&methods)).collect();
+        names.sort();
+        names.dedup();
+        assert_eq!(names.len(), methods.len());
+    }
+
+    #[test]
+    fn an_unknown_word_is_told_with_its_axis() {
+        for (axis, word, expected) in [
+            ("traversal", "octree", "ray-query or bvh, or auto"),
+            ("sampler", "halton", "sobol or pcg"),
+            ("light-sampling", "yes", "on or off"),
+            ("bsdf-sampling", "ggx", "lobe, cosine or uniform"),
+            ("precision", "bf16", "f32 or f16"),
+            ("pool", "0", "at least 1"),
+        ] {
+            let mut axes = Axes::default();
+            *axes.axis_mut(axis).unwrap() = words(&[word]);
+            let error = axes.methods().unwrap_err();
+            assert!(error.contains(axis) && error.contains(word) && error.contains(expected), "{error}");
+        }
+    }
+}

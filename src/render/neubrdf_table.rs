@@ -1,0 +1,275 @@
+//! NeuBRDFs as the device reads them: `glsl/layout/neubrdf.glsl`, `glsl/lib/neubrdf.glsl`.
+
+use bytemuck::cast_slice;
+use half::f16;
+
+use crate::gpu::Device;
+use crate::scene::Brdf;
+use crate::scene::brdf::{CornerWeights, Dense, NO_CODE, NeuBrdf, Precision, SphereTable};
+
+crate::shared_structs! {
+    /// The structs of `glsl/layout/neubrdf.glsl` and `glsl/kernels/eval_neubrdf.comp`.
+    pub const NEUBRDF_STRUCTS;
+
+    /// A hemisphere's features; the GLSL says what the members mean.
+    #[allow(missing_docs)]
+    pub struct SphereTableRecord {
+        pub n_side: u32,
+        pub codes: u32,
+        pub indices: u32,
+        pub levels: u32,
+    }
+
+    /// The header of a model; the GLSL says what the members mean.
+    #[allow(missing_docs)]
+    pub struct NeuBrdfTable {
+        pub wi: SphereTableRecord,
+        pub wo: SphereTableRecord,
+        pub layers: u32,
+        pub is_isotropic: u32,
+        pub has_equal_weights: u32,
+        pub scale: f32,
+        pub most_exponent: f32,
+        pub inverse_gain: f32,
+        pub padding_0: u32,
+        pub padding_1: u32,
+    }
+
+    /// A view, and two directions of light, above the surface: what `eval_neubrdf` reads.
+    #[allow(missing_docs)]
+    pub struct NeuBrdfQuery {
+        pub wo: [f32; 3],
+        pub wi_1: [f32; 3],
+        pub wi_2: [f32; 3],
+    }
+
+    /// Their values: what it writes.
+    #[allow(missing_docs)]
+    pub struct NeuBrdfValues {
+        pub f_1: [f32; 3],
+        pub f_2: [f32; 3],
+    }
+
+    /// Its push constants.
+    #[allow(missing_docs)]
+    pub struct NeuBrdfPush {
+        pub table: u64,
+        pub queries: u64,
+        pub results: u64,
+        pub count: u32,
+        pub padding: u32,
+    }
+}
+
+/// Invocations that share loads, at most.
+const MOST_LANES: u32 = 8;
+
+/// What a kernel is built for, and all models that it evaluates are filled up to.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct NeuBrdfShape {
+    /// Groups of four features of a direction.
+    feature_groups: u32,
+    /// Groups of four neurons of each layer but the last.
+    hidden_groups: u32,
+    layers: u32,
+    /// Of codes, weights and biases.
+    precision: Precision,
+    /// Whether some model is.
+    is_isotropic: bool,
+    /// Invocations that share loads.
+    lanes: u32,
+}
+
+impl NeuBrdfShape {
+    /// The shape that holds all these models; that of the smallest one if there is none.
+    pub fn of<'a>(models: impl IntoIterator<Item = &'a NeuBrdf>, precision: Precision) -> NeuBrdfShape {
+        let none =
+            NeuBrdfShape { feature_groups: 1, hidden_groups: 1, layers: 2, precision, is_isotropic: false, lanes: 1 };
+        models.into_iter().fold(none, |shape, model| {
+            let hidden = model.layers.iter().rev().skip(1).map(|layer| layer.outputs.div_ceil(4));
+            NeuBrdfShape {
+                feature_groups: shape.feature_groups.max(model.wi.features.div_ceil(4)),
+                hidden_groups: hidden.fold(shape.hidden_groups, u32::max),
+                layers: shape.layers.max(model.layers.len() as u32),
+                precision,
+                is_isotropic: shape.is_isotropic || model.is_isotropic,
+                lanes: shape.lanes,
+            }
+        })
+    }
+
+    /// The same, for a device. Invocations of CPU drivers share loads: these would not notice that all load the same.
+    pub fn on(self, device: &Device) -> NeuBrdfShape {
+        let subgroup_size = device.limits().subgroup_size;
+        let shares = device.profile().is_cpu && (2..=MOST_LANES).contains(&subgroup_size);
+        NeuBrdfShape { lanes: if shares { subgroup_size } else { 1 }, ..self }
+    }
+
+    /// The specialization constants of `glsl/layout/neubrdf.glsl`.
+    pub fn specialization(&self) -> [(u32, u32); 6] {
+        [
+            (20, self.feature_groups),
+            (21, self.hidden_groups),
+            (22, self.layers),
+            (23, u32::from(self.precision == Precision::F16)),
+            (24, u32::from(self.is_isotropic)),
+            (25, self.lanes),
+        ]
+    }
+}
+
+/// The NeuBRDFs among the BRDFs of a scene.
+pub fn neubrdfs<'a>(brdfs: impl IntoIterator<Item = &'a Brdf>) -> impl Iterator<Item = &'a NeuBrdf> {
+    brdfs.into_iter().filter_map(|brdf| if let Brdf::NeuBrdf(model) = brdf { Some(&**model) } else { None })
+}
+
+/// A model's words, for an address that is a multiple of 16. The shape holds it.
+pub fn pack_neubrdf(model: &NeuBrdf, shape: &NeuBrdfShape) -> Vec<u32> {
+    let mut words = vec![0; size_of::<NeuBrdfTable>() / 4];
+    let wi = pack_sphere(&mut words, &model.wi, shape);
+    let wo = pack_sphere(&mut words, &model.wo, shape);
+    let layers = push(&mut words, &numbers(&pack_layers(model, shape), shape.precision));
+    // Subgroups may read a little beyond the end.
+    words.extend([0; MOST_LANES as usize]);
+    let encoding = model.encoding;
+    let header = NeuBrdfTable {
+        wi,
+        wo,
+        layers,
+        is_isotropic: model.is_isotropic.into(),
+        has_equal_weights: (model.corner_weights == CornerWeights::Uniform).into(),
+        scale: encoding.scale,
+        most_exponent: (f64::from(encoding.gain) * f64::from(encoding.max)).ln_1p() as f32,
+        inverse_gain: 1.0 / encoding.gain,
+        padding_0: 0,
+        padding_1: 0,
+    };
+    let header: &[u32] = cast_slice(std::slice::from_ref(&header));
+    words[..header.len()].copy_from_slice(header);
+    words
+}
+
+/// Appends an array, and returns where it begins, in groups of four words.
+fn push(words: &mut Vec<u32>, array: &[u32]) -> u32 {
+    words.resize(words.len().next_multiple_of(4), 0);
+    let first = words.len() / 4;
+    words.extend_from_slice(array);
+    first as u32
+}
+
+fn pack_sphere(words: &mut Vec<u32>, table: &SphereTable, shape: &NeuBrdfShape) -> SphereTableRecord {
+    // Where there is no code nobody looks; should anybody, it finds one.
+    let mut indices: Vec<u16> = table.indices.iter().map(|index| if *index == NO_CODE { 0 } else { *index }).collect();
+    indices.resize(indices.len().next_multiple_of(2), 0);
+    let mut levels = table.levels.clone();
+    levels.resize(levels.len().next_multiple_of(4), 0);
+    let filled = 4 * shape.feature_groups as usize;
+    let codes: Vec<f32> = table
+        .codes
+        .chunks_exact(table.features as usize)
+        .flat_map(|code| code.iter().copied().chain(std::iter::repeat(0.0)).take(filled))
+        .collect();
+    SphereTableRecord {
+        n_side: table.grid.n_side(),
+        codes: push(words, &numbers(&codes, shape.precision)),
+        indices: push(
+            words,
+            &indices.as_chunks().0.iter().map(|[a, b]| u32::from(*a) | u32::from(*b) << 16).collect::<Vec<_>>(),
+        ),
+        levels: if levels.is_empty() {
+            0
+        } else {
+            push(words, &levels.as_chunks().0.iter().map(|bytes| u32::from_le_bytes(*bytes)).collect::<Vec<_>>())
+        },
+    }
+}
+
+/// Numbers as words; what `f16` cannot hold becomes its greatest number.
+fn numbers(numbers: &[f32], precision: Precision) -> Vec<u32> {
+    match precision {
+        Precision::F32 => numbers.iter().map(|number| number.to_bits()).collect(),
+        Precision::F16 => {
+            let half = |number: f32| u32::from(f16::from_f32(number.clamp(-65504.0, 65504.0)).to_bits());
+            numbers.chunks(2).map(|pair| pair.iter().rev().fold(0, |word, number| word << 16 | half(*number))).collect()
+        }
+    }
+}
+
+/// The layers in the order of `glsl/lib/neubrdf.glsl`.
+fn pack_layers(model: &NeuBrdf, shape: &NeuBrdfShape) -> Vec<f32> {
+    let hidden = 4 * shape.hidden_groups as usize;
+    let features = 4 * shape.feature_groups as usize;
+    let first = model.wi.features as usize;
+    let mut layers: Vec<Filled> = Vec::new();
+    let (last, others) = model.layers.split_last().map_or((None, &[][..]), |(last, others)| (Some(last), others));
+    for layer in others {
+        // Inputs of the first layer: here the features of ωi come first, there those of ωo, each filled up.
+        let is_first = layers.is_empty();
+        let width = if is_first { 2 * features } else { hidden };
+        let place = |input: usize| match input {
+            _ if !is_first => input,
+            _ if input < first => input + features,
+            _ => input - first,
+        };
+        layers.push(Filled::new(layer, width, hidden, place));
+    }
+    // What is not negative passes unchanged through a layer that has ReLU and ones on its diagonal.
+    while layers.len() + 1 < shape.layers as usize {
+        layers.push(Filled::identity(hidden));
+    }
+    layers.extend(last.map(|last| Filled::new(last, hidden, 4, |input| input)));
+
+    let mut numbers = Vec::new();
+    let (pairs, rest) = layers.as_chunks();
+    for [first, second] in pairs {
+        numbers.extend_from_slice(&second.bias);
+        for block in (0..hidden).step_by(4) {
+            let neurons = block..block + 4;
+            numbers.extend_from_slice(&first.bias[neurons.clone()]);
+            for input in 0..first.inputs {
+                numbers.extend(neurons.clone().map(|neuron| first.weight(input, neuron)));
+            }
+            for output in 0..second.bias.len() {
+                numbers.extend(neurons.clone().map(|neuron| second.weight(neuron, output)));
+            }
+        }
+    }
+    for last in rest {
+        numbers.extend_from_slice(&last.bias);
+        for block in (0..last.inputs).step_by(4) {
+            for output in 0..3 {
+                numbers.extend((block..block + 4).map(|input| last.weight(input, output)));
+            }
+        }
+    }
+    numbers
+}
+
+/// A layer filled up with zeros.
+struct Filled {
+    inputs: usize,
+    /// outputs × inputs.
+    weights: Vec<f32>,
+    bias: Vec<f32>,
+}
+
+impl Filled {
+    /// `place` tells which input an input of `layer` becomes.
+    fn new(layer: &Dense, inputs: usize, outputs: usize, place: impl Fn(usize) -> usize) -> Filled {
+        let mut filled = Filled { inputs, weights: vec![0.0; inputs * outputs], bias: vec![0.0; outputs] };
+        for (output, row) in layer.weights.chunks_exact(layer.inputs as usize).enumerate() {
+            row.iter().enumerate().for_each(|(input, weight)| filled.weights[output * inputs + place(input)] = *weight);
+        }
+        filled.bias[..layer.bias.len()].copy_from_slice(&layer.bias);
+        filled
+    }
+
+    fn identity(width: usize) -> Filled {
+        let weights = (0..width * width).map(|i| if i / width == i % width { 1.0 } else { 0.0 }).collect();
+        Filled { inputs: width, weights, bias: vec![0.0; width] }
+    }
+
+    fn weight(&self, input: usize, output: usize) -> f32 {
+        self.weights[output * self.inputs + input]
+    }
+}
