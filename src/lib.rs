@@ -7,6 +7,7 @@
 //! | [`converge`] | error metrics and statistical tests over pictures |
 //! | [`render`] | the wavefront path tracer on Vulkan: queues, film, checkpoints |
 //! | `reference` | the Embree CPU path tracer (cargo feature `embree`) |
+//! | [`train`] | fits neural BRDFs on the CPU |
 //! | [`material`] | what a surface does, on the CPU, in `f64`, as text-book definitions |
 //! | [`scene`] | what is rendered: meshes, materials, lights, camera; all validation of input |
 //! | [`gpu`] | Vulkan and nothing but Vulkan |

@@ -201,3 +201,69 @@ fn compare_exits_by_its_thresholds() {
     let json: serde_json::Value = serde_json::from_str(&succeed(&["compare", text(&a), text(&a), "--json"])).unwrap();
     assert_eq!(json["metrics"]["mse"], 0.0);
 }
+
+/// Samples of a matte material, as a CSV.
+fn matte_samples(directory: &Path) -> PathBuf {
+    let mut rows = String::from("wi_theta,wi_phi,wo_theta,wo_phi,r,g,b\n");
+    for i in 0..150 {
+        rows += &format!("{},0,{},{},0.2,0.1,0.05\n", i * 7 % 80, i * 11 % 80, i * 37 % 360);
+    }
+    let path = directory.join("matte.csv");
+    std::fs::write(&path, rows).unwrap();
+    path
+}
+
+#[test]
+fn a_material_is_trained_described_drawn_and_checked() {
+    let directory = tempfile::tempdir().unwrap();
+    let (csv, file) = (matte_samples(directory.path()), directory.path().join("matte.neubrdf"));
+    let train = |more: &[&str]| {
+        let mut arguments = vec!["train", text(&csv), "-o", text(&file), "--quality", "draft", "--steps", "200"];
+        arguments.extend(["--hidden", "16"]);
+        arguments.extend(more);
+        succeed(&arguments)
+    };
+    assert!(train(&[]).contains("SSIM"));
+    let first = std::fs::read(&file).unwrap();
+    let report: serde_json::Value =
+        serde_json::from_slice(&std::fs::read(directory.path().join("matte.json")).unwrap()).unwrap();
+    assert_eq!(report["steps"], 200);
+    assert_eq!(report["bytes"], first.len());
+    let page = std::fs::read_to_string(directory.path().join("matte.html")).unwrap();
+    assert_eq!(page.matches("data:image/png;base64,").count(), 3);
+    assert!(page.contains("<svg") && !page.contains("http://localhost") && !page.contains("src=\"/"));
+
+    assert_eq!(train(&["--no-report", "--quiet"]), "");
+    assert!(std::fs::read(&file).unwrap() == first, "the same seed gives another file");
+
+    let plot = directory.path().join("lobes.svg");
+    let facts = succeed(&["material", text(&file), "--json", "--plot", text(&plot), "--check", "--max-albedo", "1e9"]);
+    let facts: serde_json::Value = serde_json::from_str(&facts).unwrap();
+    assert_eq!(facts["is_isotropic"], true);
+    assert_eq!(facts["check"]["negative"], 0);
+    assert!(std::fs::read_to_string(&plot).unwrap().contains("polyline"));
+    let output = neubrdf(&["material", text(&file), "--check", "--max-albedo", "1e-9"]);
+    assert_eq!(output.status.code(), Some(3));
+}
+
+#[test]
+fn mistakes_in_training_name_the_thing() {
+    let directory = tempfile::tempdir().unwrap();
+    let csv = matte_samples(directory.path());
+    let (good, out) = (text(&csv), directory.path().join("out.neubrdf"));
+    let out = text(&out);
+    assert!(fail(&["train", "/nonexistent.binary", "-o", out]).contains("/nonexistent.binary"));
+    assert!(fail(&["train", good, "-o", "out.obj"]).contains(".neubrdf"));
+    assert!(fail(&["train", good, "-o", out, "--model", "nbrdf"]).contains(".safetensors"));
+    assert!(fail(&["train", good, "-o", "/nonexistent/out.neubrdf"]).contains("/nonexistent"));
+    assert!(fail(&["train", good, "-o", out, "--n-side", "12"]).contains("--n-side"));
+    assert!(fail(&["train", good, "-o", out, "--features", "0"]).contains("--features"));
+    assert!(fail(&["train", good, "-o", out, "--codes", "70000"]).contains("--codes"));
+    assert!(fail(&["train", good, "-o", out, "--resume"]).contains("--checkpoint"));
+    let checkpoint = ["--resume", "--checkpoint", good, "--quality", "draft"];
+    assert!(fail(&[&["train", good, "-o", out][..], &checkpoint].concat()).contains("not a checkpoint"));
+    assert!(!Path::new(out).exists());
+    for input in ["/nonexistent.neubrdf", good] {
+        assert!(!neubrdf(&["material", input, "--plot", "lobes.png"]).status.success());
+    }
+}
