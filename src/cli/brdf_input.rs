@@ -20,7 +20,7 @@ pub struct BrdfInput {
 }
 
 impl BrdfInput {
-    /// Loads `path`: a scene (.toml), of which `name` picks a material, or any file that a scene could name as a material; `name`
+    /// Loads `path`: a material (.toml) or a scene (.toml), of which `name` picks a material, or any file that a scene could name as a material; `name`
     /// picks one of a collection.
     pub fn load(path: &Path, name: Option<&str>) -> Result<BrdfInput> {
         let stem = path.file_stem().map(|stem| stem.to_string_lossy().into_owned()).unwrap_or_default();
@@ -95,23 +95,24 @@ impl Evaluate for Neural {
 }
 
 fn scene_material(path: &Path, name: Option<&str>) -> Result<SceneMaterial> {
-    let (scene, _) = Scene::load(path)?;
-    let names = || scene.materials.iter().map(|material| material.name.as_str()).collect::<Vec<_>>().join(", ");
-    let material = match name {
-        Some(name) => scene
-            .materials
-            .iter()
-            .find(|material| material.name == name)
-            .with_context(|| format!("{}: no material `{name}`; it has {}", path.display(), names()))?,
-        None => bail!("{}: say which material with --name; it has {}", path.display(), names()),
+    let (surface, brdfs) = match name {
+        Some(name) => {
+            let (scene, _) = Scene::load(path)?;
+            let names = || scene.materials.iter().map(|material| material.name.as_str()).collect::<Vec<_>>().join(", ");
+            let material = scene.materials.iter().find(|material| material.name == name);
+            let material = material
+                .with_context(|| format!("{}: no material `{name}`; it has {}", path.display(), names()))?;
+            (material.surface.clone(), scene.brdfs)
+        }
+        None => Surface::load(path, None).context("a file of one material was expected; of a scene, --name picks one")?,
     };
-    if matches!(material.surface, Surface::Dielectric { .. }) {
-        bail!("{}: material `{}` lets light through; a BRDF only reflects", path.display(), material.name);
+    if matches!(surface, Surface::Dielectric { .. }) {
+        bail!("{}: the material lets light through; a BRDF only reflects", path.display());
     }
-    let prepared = Prepared::new(&material.surface, &scene.brdfs);
-    let color = color(&material.surface).value.as_dvec3();
+    let prepared = Prepared::new(&surface, &brdfs);
+    let color = color(&surface).value.as_dvec3();
     if Bsdf::new(&prepared, color).is_delta() {
-        bail!("{}: material `{}` is a perfect mirror, which has no values to learn", path.display(), material.name);
+        bail!("{}: the material is a perfect mirror, which has no values to learn", path.display());
     }
     let is_isotropic = match &prepared {
         Prepared::Conductor { roughness, .. } => roughness.is_none_or(|ggx| ggx.alpha.x == ggx.alpha.y),

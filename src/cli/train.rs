@@ -21,7 +21,7 @@ use super::progress;
 /// Learn a BRDF.
 #[derive(clap::Args)]
 pub struct Arguments {
-    /// What to learn: .binary (MERL), .bsdf (RGL), .csv (samples), .safetensors or .npy (NBRDF), .neubrdf, or a scene (.toml)
+    /// What to learn: .binary (MERL), .bsdf (RGL), .csv (samples), .safetensors or .npy (NBRDF), .neubrdf, or a material or a scene (.toml)
     input: PathBuf,
     /// The material, where INPUT holds several
     #[arg(long)]
