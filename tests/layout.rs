@@ -22,6 +22,7 @@ const SHARED: &[&[StructLayout]] = &[
     common::gpu_structs::GPU_TEST_STRUCTS,
     neubrdf::render::GEOMETRY_STRUCTS,
     neubrdf::render::MATERIAL_STRUCTS,
+    neubrdf::render::BRDF_STRUCTS,
     neubrdf::render::bvh::BVH_STRUCTS,
     neubrdf::render::RAY_STRUCTS,
     neubrdf::render::WAVEFRONT_STRUCTS,
