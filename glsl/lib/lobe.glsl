@@ -30,8 +30,7 @@ struct Bsdf {
 };
 
 layout(buffer_reference, scalar, buffer_reference_align = 16) readonly buffer LobeTable {
-    vec4 alpha;       // GGX: of the first lobe along tangent and bitangent, of the second one
-    vec2 weight[];    // the probability of each at cos θo = i / (LOBE_NODES - 1)
+    vec2 at[];    // GGX's α along tangent and bitangent, a lobe; then the probability of each lobe at cos θo = i / (LOBE_NODES - 1)
 };
 
 #ifdef BRDF_EVAL_ONE
@@ -42,7 +41,8 @@ void brdf_eval_pair(Brdf b, vec3 wo, vec3 wi_1, vec3 wi_2, out vec3 f_1, out vec
 #endif
 
 Bsdf bsdf_make(MaterialRecord material, vec3 color) {
-    return Bsdf(LobeTable(material.table).alpha, material.table, brdf_make(material));
+    LobeTable lobes = LobeTable(material.table);
+    return Bsdf(vec4(lobes.at[0], lobes.at[1]), material.table, brdf_make(material));
 }
 
 bool bsdf_is_delta(Bsdf b) {
@@ -54,7 +54,7 @@ vec2 lobe_weights(Bsdf b, float cosine) {
     float position = clamp(cosine, 0.0, 1.0) * float(LOBE_NODES - 1u);
     uint cell = min(uint(position), LOBE_NODES - 2u);
     LobeTable table = LobeTable(b.table);
-    return mix(table.weight[cell], table.weight[cell + 1u], position - float(cell));
+    return mix(table.at[cell + 2u], table.at[cell + 3u], position - float(cell));
 }
 
 bool both_above(vec3 wo, vec3 wi) {

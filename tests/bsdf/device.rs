@@ -362,11 +362,25 @@ fn shaders_agree_with_the_definitions() {
 
 #[test]
 fn shaders_sample_what_the_density_says() {
-    let configurations: Vec<_> = configurations::all().into_iter().chain(truths::configurations()).collect();
+    // Each family has its share of one configuration in three, and of one in six on the slower driver.
+    check_samples("bsdf_chi_square", &configurations::all()[1..], [3, 6]);
+}
+
+#[test]
+fn shaders_sample_networks_as_the_density_says() {
+    check_samples("bsdf_chi_square_networks", &networks::configurations(), [1, 4]);
+}
+
+#[test]
+fn shaders_sample_truths_as_the_density_says() {
+    check_samples("bsdf_chi_square_truths", &truths::configurations(), [1, 4]);
+}
+
+/// Tests one configuration in so many on lavapipe and on SwiftShader.
+fn check_samples(evidence: &str, configurations: &[Configuration], steps: [usize; 2]) {
     on_both_drivers(|device, name| {
-        // Each family has its share of one configuration in three, and of one in six on the slower driver.
-        let step = if name == LAVAPIPE { 3 } else { 6 };
-        let chosen: Vec<_> = configurations.iter().enumerate().skip(1).step_by(step).collect();
+        let step = if name == LAVAPIPE { steps[0] } else { steps[1] };
+        let chosen: Vec<_> = configurations.iter().enumerate().step_by(step).collect();
         let histogram = |&(index, configuration): &(usize, &Configuration)| {
             let mut random = Random(5000 + index as u64);
             let shader = Shader::new(device, std::slice::from_ref(&configuration.surface), &configuration.brdfs);
@@ -388,6 +402,6 @@ fn shaders_sample_what_the_density_says() {
             (histogram.report(&configuration.name, &test, integral), test.p_value, true)
         };
         let results: Vec<_> = chosen.par_iter().zip(&histograms).map(judged).collect();
-        judge(&format!("bsdf_chi_square_{name}.txt"), &results);
+        judge(&format!("{evidence}_{name}.txt"), &results);
     });
 }
