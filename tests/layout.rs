@@ -23,6 +23,7 @@ const SHARED: &[&[StructLayout]] = &[
     neubrdf::render::GEOMETRY_STRUCTS,
     neubrdf::render::MATERIAL_STRUCTS,
     neubrdf::render::NEUBRDF_STRUCTS,
+    neubrdf::render::BRDF_STRUCTS,
     neubrdf::render::bvh::BVH_STRUCTS,
     neubrdf::render::RAY_STRUCTS,
     neubrdf::render::WAVEFRONT_STRUCTS,

@@ -19,7 +19,8 @@ const uint LAYERED_COMPLEX = 2u;
 const uint LAYERED_MOST_BOUNCES = 64u;
 const uint LAYERED_ROULETTE_AFTER = 4u;
 
-struct Brdf {
+// Written by src/render/brdf_table.rs.
+struct LayeredRecord {
     float ior;         // of the coat
     float alpha;
     vec2 base_alpha;
@@ -30,13 +31,14 @@ struct Brdf {
     vec3 kappa;
 };
 
-// Written by src/render/brdf_table.rs.
 layout(buffer_reference, scalar, buffer_reference_align = 16) readonly buffer LayeredTable {
-    Brdf brdf;
+    LayeredRecord at[];
 };
 
+#define Brdf LayeredRecord
+
 Brdf brdf_make(MaterialRecord material) {
-    return LayeredTable(lobe_brdf_data(material)).brdf;
+    return LayeredTable(lobe_brdf_data(material)).at[0];
 }
 
 // Random numbers from a hash of what they are for.

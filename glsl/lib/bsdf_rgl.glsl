@@ -15,7 +15,7 @@ const uint RGL_ISOTROPIC = 1u;
 const uint RGL_JACOBIAN = 2u;
 
 // Written by src/render/brdf_table.rs. Sizes are (width, height); where an array starts is counted in words from the table's start.
-layout(buffer_reference, scalar, buffer_reference_align = 16) readonly buffer RglTable {
+struct RglRecord {
     uint phis;
     uint thetas;
     uint reduction;
@@ -32,6 +32,10 @@ layout(buffer_reference, scalar, buffer_reference_align = 16) readonly buffer Rg
     uint conditional;
     uint marginal;
     uint rgb;
+};
+
+layout(buffer_reference, scalar, buffer_reference_align = 16) readonly buffer RglTable {
+    RglRecord at[];
 };
 
 layout(buffer_reference, scalar, buffer_reference_align = 16) readonly buffer RglNumbers {
@@ -87,7 +91,7 @@ float rgl_across(vec3 w) {
 
 #define BRDF_EVAL_ONE
 vec3 brdf_eval(Brdf b, vec3 wo, vec3 wi) {
-    RglTable table = RglTable(b.table);
+    RglRecord table = RglTable(b.table).at[0];
     RglNumbers numbers = RglNumbers(b.table);
     bool is_isotropic = (table.flags & RGL_ISOTROPIC) != 0u;
     uint reduction = table.reduction;

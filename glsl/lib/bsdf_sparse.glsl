@@ -13,22 +13,31 @@
 
 const float SPARSE_SOFTENING = 1e-8;
 
-struct SparseSample {
+// Written by src/render/brdf_table.rs: one of these, and then samples, which are as long.
+struct SparseRecord {
+    uint count;
+    uint is_isotropic;
+    uvec2 pad;
+    uvec4 pad_2;
+};
+
+struct SparseSampleRecord {
     vec4 at;
     vec3 value;
     uint pad;
 };
 
-// Written by src/render/brdf_table.rs.
 layout(buffer_reference, scalar, buffer_reference_align = 16) readonly buffer SparseTable {
-    uint count;
-    uint is_isotropic;
-    uvec2 pad;
-    SparseSample samples[];
+    SparseRecord at[];
+};
+
+// The first one is the SparseRecord.
+layout(buffer_reference, scalar, buffer_reference_align = 16) readonly buffer SparseSamples {
+    SparseSampleRecord at[];
 };
 
 struct Brdf {
-    uvec2 table;    // a SparseTable
+    uvec2 table;    // a SparseTable, and SparseSamples from the same place on
 };
 
 Brdf brdf_make(MaterialRecord material) {
@@ -43,25 +52,25 @@ vec4 sparse_coordinates(vec3 wo, vec3 wi, bool is_isotropic) {
     return is_isotropic ? vec4(theta, 0.0, doubled.x, abs(doubled.y)) : vec4(theta * pair.azimuth, doubled);
 }
 
-float sparse_distance(SparseTable table, uint i, vec4 at) {
-    vec4 away = table.samples[i].at - at;
+float sparse_distance(SparseSamples samples, uint i, vec4 at) {
+    vec4 away = samples.at[i].at - at;
     return dot(away, away) + SPARSE_SOFTENING;
 }
 
 #define BRDF_EVAL_ONE
 vec3 brdf_eval(Brdf b, vec3 wo, vec3 wi) {
-    SparseTable table = SparseTable(b.table);
-    vec4 at = sparse_coordinates(wo, wi, table.is_isotropic != 0u);
-    uint count = table.count;
-    float nearest = sparse_distance(table, 0u, at);
-    [[dont_unroll]] for (uint i = 1u; i < count; ++i) {
-        nearest = min(nearest, sparse_distance(table, i, at));
+    SparseRecord record = SparseTable(b.table).at[0];
+    SparseSamples samples = SparseSamples(b.table);
+    vec4 at = sparse_coordinates(wo, wi, record.is_isotropic != 0u);
+    float nearest = sparse_distance(samples, 1u, at);
+    [[dont_unroll]] for (uint i = 2u; i <= record.count; ++i) {
+        nearest = min(nearest, sparse_distance(samples, i, at));
     }
     vec4 sum = vec4(0.0);
-    [[dont_unroll]] for (uint i = 0u; i < count; ++i) {
-        float ratio = nearest / sparse_distance(table, i, at);
+    [[dont_unroll]] for (uint i = 1u; i <= record.count; ++i) {
+        float ratio = nearest / sparse_distance(samples, i, at);
         ratio *= ratio;
-        sum += ratio * ratio * vec4(table.samples[i].value, 1.0);
+        sum += ratio * ratio * vec4(samples.at[i].value, 1.0);
     }
     return sum.rgb / sum.a;
 }

@@ -10,7 +10,8 @@
 #include "lib/fresnel.glsl"
 #include "lib/lobe_table.glsl"
 
-struct Yarn {
+// Written by src/render/brdf_table.rs.
+struct YarnRecord {
     vec3 f0;
     float gloss;              // times coverage / π
     vec3 albedo;              // times (1 - gloss) coverage / π
@@ -19,10 +20,9 @@ struct Yarn {
     float volume_width;
 };
 
-// Written by src/render/brdf_table.rs.
+// Warp and weft.
 layout(buffer_reference, scalar, buffer_reference_align = 16) readonly buffer WovenTable {
-    Yarn warp;
-    Yarn weft;
+    YarnRecord at[];
 };
 
 struct Brdf {
@@ -39,7 +39,7 @@ float normal_density(float x, float deviation) {
 }
 
 // A family along x. `cosine` is that of half the angle between the directions.
-vec3 yarn_eval(Yarn yarn, vec3 wo, vec3 wi, float cosine) {
+vec3 yarn_eval(YarnRecord yarn, vec3 wo, vec3 wi, float cosine) {
     vec2 outward = normalize(wo.yz);
     vec2 inward = normalize(wi.yz);
     float masking = 0.5 * (outward.y * inward.y + min(outward.y, inward.y));
@@ -53,8 +53,8 @@ vec3 yarn_eval(Yarn yarn, vec3 wo, vec3 wi, float cosine) {
 vec3 brdf_eval(Brdf b, vec3 wo, vec3 wi) {
     WovenTable table = WovenTable(b.table);
     float cosine = min(0.5 * length(wo + wi), 1.0);
-    return yarn_eval(table.warp, wo, wi, cosine)
-        + yarn_eval(table.weft, vec3(wo.y, -wo.x, wo.z), vec3(wi.y, -wi.x, wi.z), cosine);
+    return yarn_eval(table.at[0], wo, wi, cosine)
+        + yarn_eval(table.at[1], vec3(wo.y, -wo.x, wo.z), vec3(wi.y, -wi.x, wi.z), cosine);
 }
 
 #include "lib/lobe.glsl"

@@ -6,12 +6,71 @@
 use std::array;
 use std::f32::consts::FRAC_1_PI;
 
+use bytemuck::NoUninit;
 use glam::{Vec2, Vec3};
 
 use super::neubrdf_table::{NeuBrdfShape, pack_neubrdf};
 use crate::scene::{
-    Brdf, Fresnel, LayerBase, Layered, Nbrdf, Rgl, RglTables, RglWarp, SamplingLobe, Sparse, Woven, Yarn,
+    Brdf, Fresnel, LayerBase, Layered, Nbrdf, Rgl, RglTable, RglTables, RglWarp, SamplingLobe, Sparse, Woven, Yarn,
 };
+
+crate::shared_structs! {
+    /// The structs of `glsl/lib/bsdf_layered.glsl`, `bsdf_woven.glsl`, `bsdf_rgl.glsl` and `bsdf_sparse.glsl`, which say what the members
+    /// mean.
+    pub const BRDF_STRUCTS;
+
+    struct LayeredRecord {
+        ior: f32,
+        alpha: f32,
+        base_alpha: [f32; 2],
+        absorption: [f32; 3],
+        base: u32,
+        color: [f32; 3],
+        eta: [f32; 3],
+        kappa: [f32; 3],
+    }
+
+    struct YarnRecord {
+        f0: [f32; 3],
+        gloss: f32,
+        albedo: [f32; 3],
+        isotropy: f32,
+        specular_width: f32,
+        volume_width: f32,
+    }
+
+    struct RglRecord {
+        phis: u32,
+        thetas: u32,
+        reduction: u32,
+        flags: u32,
+        ndf_size: [u32; 2],
+        sigma_size: [u32; 2],
+        vndf_size: [u32; 2],
+        rgb_size: [u32; 2],
+        phi: u32,
+        theta: u32,
+        ndf: u32,
+        sigma: u32,
+        density: u32,
+        conditional: u32,
+        marginal: u32,
+        rgb: u32,
+    }
+
+    struct SparseRecord {
+        count: u32,
+        is_isotropic: u32,
+        pad: [u32; 2],
+        pad_2: [u32; 4],
+    }
+
+    struct SparseSampleRecord {
+        at: [f32; 4],
+        value: [f32; 3],
+        pad: u32,
+    }
+}
 
 /// What precedes a BRDF's own words; `LOBE_BYTES` of `glsl/lib/lobe.glsl`. A multiple of 16.
 const LOBE_BYTES: usize = 4 * SamplingLobe::FLOATS;
@@ -38,30 +97,39 @@ pub fn brdf(brdf: &Brdf, shape: &NeuBrdfShape) -> Vec<u32> {
 
 /// `LayeredTable` of `glsl/lib/bsdf_layered.glsl`.
 pub fn layered(layers: &Layered) -> Vec<u32> {
-    let Layered { ior, alpha, absorption, base } = layers;
-    let (kind, base_alpha, color, eta, kappa) = match *base {
+    let Layered { ior, alpha, absorption, base } = *layers;
+    let (base, base_alpha, color, eta, kappa) = match base {
         LayerBase::Diffuse { albedo } => (0, Vec2::ONE, albedo, Vec3::ONE, Vec3::ZERO),
         LayerBase::Conductor { fresnel: Fresnel::Schlick { f0 }, alpha } => (1, alpha, f0.value, Vec3::ONE, Vec3::ZERO),
         LayerBase::Conductor { fresnel: Fresnel::Complex { eta, kappa }, alpha } => (2, alpha, Vec3::ONE, eta, kappa),
     };
-    let mut words = [*ior, *alpha, base_alpha.x, base_alpha.y].map(f32::to_bits).to_vec();
-    words.extend(absorption.to_array().map(f32::to_bits));
-    words.push(kind);
-    words.extend([color, eta, kappa].iter().flat_map(|vector| vector.to_array().map(f32::to_bits)));
-    words
+    let record = LayeredRecord {
+        ior,
+        alpha,
+        base_alpha: base_alpha.into(),
+        absorption: absorption.into(),
+        base,
+        color: color.into(),
+        eta: eta.into(),
+        kappa: kappa.into(),
+    };
+    words_of(&[record])
 }
 
 /// `WovenTable` of `glsl/lib/bsdf_woven.glsl`.
 pub fn woven(cloth: &Woven) -> Vec<u32> {
-    let yarn = |yarn: &Yarn| {
+    let record = |yarn: &Yarn| {
         let share = yarn.coverage * FRAC_1_PI;
-        let Vec3 { x, y, z } = yarn.f0;
-        let albedo = yarn.albedo * (share * (1.0 - yarn.gloss));
-        let widths = [yarn.specular_width, yarn.volume_width];
-        [x, y, z, yarn.gloss * share, albedo.x, albedo.y, albedo.z, yarn.isotropy, widths[0], widths[1]]
-            .map(f32::to_bits)
+        YarnRecord {
+            f0: yarn.f0.into(),
+            gloss: yarn.gloss * share,
+            albedo: (yarn.albedo * (share * (1.0 - yarn.gloss))).into(),
+            isotropy: yarn.isotropy,
+            specular_width: yarn.specular_width,
+            volume_width: yarn.volume_width,
+        }
     };
-    [yarn(&cloth.warp), yarn(&cloth.weft)].concat()
+    words_of(&[record(&cloth.warp), record(&cloth.weft)])
 }
 
 /// `RglTable` of `glsl/lib/bsdf_rgl.glsl`, and the arrays that it says the places of.
@@ -69,27 +137,54 @@ fn pack_rgl(rgl: &Rgl) -> Vec<u32> {
     let tables = rgl.tables();
     let RglTables { phi, theta, ndf, sigma, vndf, rgb, .. } = tables;
     let RglWarp { density, conditional, marginal } = rgl.warp();
-    let flags = u32::from(tables.is_isotropic()) | u32::from(tables.has_jacobian) << 1;
-    let mut words = vec![phi.len() as u32, theta.len() as u32, tables.reduction(), flags];
-    words.extend([ndf, sigma, vndf, rgb].iter().flat_map(|table| [table.width as u32, table.height as u32]));
     let arrays = [phi, theta, &ndf.values, &sigma.values, density, conditional, marginal, &rgb.values];
-    let mut start = words.len() + arrays.len();
-    for array in arrays {
-        words.push(start as u32);
+    let mut start = size_of::<RglRecord>() / size_of::<u32>();
+    let starts = arrays.map(|array| {
         start += array.len();
-    }
+        (start - array.len()) as u32
+    });
+    let size = |table: &RglTable| [table.width as u32, table.height as u32];
+    let record = RglRecord {
+        phis: phi.len() as u32,
+        thetas: theta.len() as u32,
+        reduction: tables.reduction(),
+        flags: u32::from(tables.is_isotropic()) | u32::from(tables.has_jacobian) << 1,
+        ndf_size: size(ndf),
+        sigma_size: size(sigma),
+        vndf_size: size(vndf),
+        rgb_size: size(rgb),
+        phi: starts[0],
+        theta: starts[1],
+        ndf: starts[2],
+        sigma: starts[3],
+        density: starts[4],
+        conditional: starts[5],
+        marginal: starts[6],
+        rgb: starts[7],
+    };
+    let mut words = words_of(&[record]);
     arrays.iter().for_each(|array| words.extend(array.iter().map(|number| number.to_bits())));
     words
 }
 
-/// `SparseTable` of `glsl/lib/bsdf_sparse.glsl`.
+/// `SparseTable` and `SparseSamples` of `glsl/lib/bsdf_sparse.glsl`.
 fn pack_sparse(sparse: &Sparse) -> Vec<u32> {
-    let mut words = vec![sparse.samples().len() as u32, u32::from(sparse.is_isotropic()), 0, 0];
-    for (sample, at) in sparse.samples().iter().zip(sparse.coordinates()) {
-        words.extend(at.as_vec4().to_array().map(f32::to_bits));
-        words.extend(sample.value.extend(0.0).to_array().map(f32::to_bits));
-    }
-    words
+    let record = SparseRecord {
+        count: sparse.samples().len() as u32,
+        is_isotropic: u32::from(sparse.is_isotropic()),
+        pad: [0; 2],
+        pad_2: [0; 4],
+    };
+    let samples = sparse.samples().iter().zip(sparse.coordinates());
+    let samples: Vec<_> = samples
+        .map(|(sample, at)| SparseSampleRecord { at: at.as_vec4().into(), value: sample.value.into(), pad: 0 })
+        .collect();
+    [words_of(&[record]), words_of(&samples)].concat()
+}
+
+/// Structs without padding, as words.
+fn words_of<T: NoUninit>(structs: &[T]) -> Vec<u32> {
+    bytemuck::cast_slice(structs).to_vec()
 }
 
 /// `NbrdfTable` of `glsl/lib/bsdf_nbrdf.glsl`: groups of four numbers, filled up with zeros. For each neuron of the first layer what it

@@ -21,6 +21,7 @@ mod renderer;
 mod session;
 mod settings;
 
+pub use brdf_table::BRDF_STRUCTS;
 pub use checkpoint::{Checkpoint, Identity};
 pub use error::Error;
 pub use geometry::{GEOMETRY_STRUCTS, Geometry, InstanceRecord, MeshRecord};
