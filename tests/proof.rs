@@ -35,9 +35,9 @@ fn shelf_of_networks() -> (String, Scene) {
     scene.meshes.push(lamp);
     scene.materials.remove(1);
     scene.meshes[1].materials = vec![1];
-    let networks = networks::all();
-    let chosen: Vec<_> = networks.iter().step_by(networks.len().div_ceil(8)).collect();
-    for (index, (name, brdf)) in chosen.iter().enumerate() {
+    let (neubrdfs, networks) = (networks::neubrdfs(), networks::all());
+    let others = networks[neubrdfs.len()..].iter().step_by(networks.len().div_ceil(8 - neubrdfs.len()));
+    for (index, (name, brdf)) in neubrdfs.iter().chain(others).enumerate() {
         let (column, row) = ((index % 4) as f32, (index / 4) as f32);
         let center = Vec3::new(1.2 * (column - 1.5), 0.6 + 1.1 * row, -row);
         scene.meshes.push(sphere(center, 0.5, 32, scene.materials.len() as u32));

@@ -10,10 +10,9 @@ use super::geometry::Geometry;
 use super::kernels::Features;
 use super::layout::{AliasRecord, EmitterRecord, SceneTable, TextureRecord};
 use super::material_record::MaterialTable;
-use super::neubrdf_table::NeuBrdfShape;
+use super::neubrdf_table::{NeuBrdfShape, neubrdf_precision};
 use super::settings::Traversal;
 use crate::gpu::{Buffer, Device, Tlas};
-use crate::scene::brdf::Precision;
 use crate::scene::{Environment, LightTable, Scene, luminance};
 
 /// The uploaded scene.
@@ -42,7 +41,7 @@ impl DeviceScene {
             address
         };
 
-        let materials = MaterialTable::new(&scene.materials, &scene.brdfs, Precision::F32);
+        let materials = MaterialTable::new(&scene.materials, &scene.brdfs, neubrdf_precision(&scene.brdfs));
         let neubrdf_shape = materials.neubrdf_shape.on(device);
         let tables = materials.tables.iter().map(|table| Ok(keep(Buffer::with_data(device, "material table", table)?)));
         let tables = tables.collect::<Result<Vec<_>, Error>>()?;

@@ -1,5 +1,7 @@
 //! NeuBRDFs as the device reads them: `glsl/layout/neubrdf.glsl`, `glsl/lib/neubrdf.glsl`.
 
+use std::sync::Arc;
+
 use bytemuck::cast_slice;
 use half::f16;
 
@@ -121,6 +123,16 @@ impl NeuBrdfShape {
 /// The NeuBRDFs among the BRDFs of a scene.
 pub fn neubrdfs<'a>(brdfs: impl IntoIterator<Item = &'a Brdf>) -> impl Iterator<Item = &'a NeuBrdf> {
     brdfs.into_iter().filter_map(|brdf| if let Brdf::NeuBrdf(model) = brdf { Some(&**model) } else { None })
+}
+
+/// Half precision where it holds all numbers of these BRDFs as they are, as it does where files are made so.
+pub fn neubrdf_precision(brdfs: &[Arc<Brdf>]) -> Precision {
+    let fits = |number: &f32| f16::from_f32(*number).to_f32() == *number;
+    let table_fits = |table: &SphereTable| table.codes.iter().all(fits);
+    let layer_fits = |layer: &Dense| layer.weights.iter().chain(&layer.bias).all(fits);
+    let mut models = neubrdfs(brdfs.iter().map(Arc::as_ref));
+    let fit = models.all(|m| table_fits(&m.wi) && table_fits(&m.wo) && m.layers.iter().all(layer_fits));
+    if fit { Precision::F16 } else { Precision::F32 }
 }
 
 /// A model's words, for an address that is a multiple of 16. The shape holds it.

@@ -1,9 +1,11 @@
-//! NBRDF networks to test with: published ones where `../shared` has them, and some that are made here.
+//! Networks to test with: published ones where `../shared` has them, and some that are made here.
 
 use std::path::Path;
 use std::sync::Arc;
 
 use neubrdf::scene::{Brdf, Nbrdf};
+
+use super::random_neubrdf::{Shape, random_neubrdf};
 
 /// From matte to mirror-like.
 const PUBLISHED: [(&str, &[&str]); 2] = [
@@ -28,9 +30,28 @@ const PUBLISHED: [(&str, &[&str]); 2] = [
     ("rgl-isotropic", &["spectralon_rgb", "satin_purple_rgb", "ilm_l3_37_metallic_rgb"]),
 ];
 
+/// NeuBRDFs of other shapes each, small enough for their definition to be evaluated often, and never close to 0, where a network's
+/// rounding is all that is left of a value.
+pub fn neubrdfs() -> Vec<(String, Arc<Brdf>)> {
+    let small = Shape { n_side: 4, features: 4, codes: 60, hidden: &[12, 16, 12], ..Shape::FULL };
+    let shapes = [
+        ("anisotropic", small),
+        ("isotropic", Shape { is_isotropic: true, is_pruned: true, n_side: 16, hidden: &[16, 8], ..small }),
+        ("of one pixel size", Shape { n_side: 1, features: 2, hidden: &[7], ..small }),
+    ];
+    let make = |(index, (name, shape)): (usize, (&str, Shape))| {
+        let mut model = random_neubrdf(shape, index as u64);
+        let last = model.layers.last_mut().unwrap();
+        last.weights.iter_mut().for_each(|weight| *weight *= 0.25);
+        last.bias = vec![0.75, 1.0, 0.5];
+        (format!("NeuBRDF, {name}"), Arc::new(Brdf::NeuBrdf(Box::new(model))))
+    };
+    shapes.into_iter().enumerate().map(make).collect()
+}
+
 /// The networks with their names.
 pub fn all() -> Vec<(String, Arc<Brdf>)> {
-    let mut networks = Vec::new();
+    let mut networks = neubrdfs();
     for (peak, slope, base) in
         [(0.2, 0.3, 0.2), (1.0, 4.0, 0.1), (3.0, 20.0, 0.05), (5.0, 60.0, 0.02), (7.0, 300.0, 0.0)]
     {
