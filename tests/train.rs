@@ -174,7 +174,7 @@ fn points_that_no_pair_needs_are_dropped() {
     assert!((0.4..0.7).contains(&kept(&brdf.wo)), "{} of ωo's points are kept", kept(&brdf.wo));
 }
 
-/// From a hundred samples of a matte material with nothing in between, all of the hemisphere is known.
+/// From a hundred samples of a matte material, none beyond 73°, what is between and beyond is guessed within a fifth.
 #[test]
 fn few_samples_are_enough_for_a_simple_material() {
     let pairs: Vec<Pair> = (0..120u32)
@@ -192,7 +192,7 @@ fn few_samples_are_enough_for_a_simple_material() {
     let eval = |pairs: &[[DVec3; 2]]| evaluator.eval(pairs);
     let albedo = directional_albedo(DVec3::new(0.6, 0.0, 0.8), 2048, &eval);
     let expected = DVec3::new(0.2, 0.1, 0.05) / FRAC_1_PI;
-    assert!(((albedo - expected) / expected).abs().max_element() < 0.1, "{albedo} {expected}");
+    assert!(((albedo - expected) / expected).abs().max_element() < 0.2, "{albedo} {expected}");
 }
 
 #[test]
