@@ -45,7 +45,7 @@ const PUBLISHED: [&str; 2] =
 const BALL: usize = 128;
 
 /// Walks that an evaluation of a layered surface is the mean of: for training, for measuring.
-const WALKS: [u32; 2] = [4, 64];
+const WALKS: [u32; 2] = [32, 128];
 
 /// Anything to be learned.
 type Eval = Arc<dyn Fn(DVec3, DVec3) -> DVec3 + Send + Sync>;

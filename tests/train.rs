@@ -3,8 +3,8 @@
 use std::f64::consts::FRAC_1_PI;
 
 use glam::DVec3;
-use neubrdf::material::{Bsdf, Prepared};
-use neubrdf::scene::brdf::{NeuBrdf, Precision};
+use neubrdf::material::{Bsdf, Evaluate, Prepared};
+use neubrdf::scene::brdf::{Brdf, NeuBrdf, Precision};
 use neubrdf::scene::{Color, Fresnel, Surface};
 use neubrdf::train::check::check;
 use neubrdf::train::measure::{compare, directional_albedo};
@@ -174,7 +174,7 @@ fn points_that_no_pair_needs_are_dropped() {
     assert!((0.4..0.7).contains(&kept(&brdf.wo)), "{} of ωo's points are kept", kept(&brdf.wo));
 }
 
-/// From a hundred samples of a matte material with nothing in between, all of the hemisphere is known.
+/// From a hundred samples of a matte material, none beyond 73°, what is between and beyond is guessed within a fifth.
 #[test]
 fn few_samples_are_enough_for_a_simple_material() {
     let pairs: Vec<Pair> = (0..120u32)
@@ -192,7 +192,7 @@ fn few_samples_are_enough_for_a_simple_material() {
     let eval = |pairs: &[[DVec3; 2]]| evaluator.eval(pairs);
     let albedo = directional_albedo(DVec3::new(0.6, 0.0, 0.8), 2048, &eval);
     let expected = DVec3::new(0.2, 0.1, 0.05) / FRAC_1_PI;
-    assert!(((albedo - expected) / expected).abs().max_element() < 0.1, "{albedo} {expected}");
+    assert!(((albedo - expected) / expected).abs().max_element() < 0.2, "{albedo} {expected}");
 }
 
 #[test]
@@ -209,6 +209,23 @@ fn an_anisotropic_nbrdf_and_a_neubrdf_learn_the_same_metal() {
         let truth = |pairs: &[[DVec3; 2]]| -> Vec<DVec3> { pairs.iter().map(|[wo, wi]| eval(*wo, *wi)).collect() };
         let errors = compare(16, false, &|pairs| evaluator.eval(pairs), &truth).errors;
         assert!(errors.pairs.log < most, "{model:?}: mean |Δ ln(1 + f)| {}", errors.pairs.log);
+    }
+}
+
+#[test]
+fn a_trained_nbrdf_is_read_back_as_what_was_trained() {
+    let plan = Plan { model: Model::Nbrdf, ..small(Recipe::Default) };
+    let mut session = Session::new(plan, &isotropic(&satin)).unwrap();
+    (0..60).for_each(|_| session.step());
+    let directory = tempfile::tempdir().unwrap();
+    let path = directory.path().join("satin.safetensors");
+    std::fs::write(&path, session.nbrdf().unwrap().to_safetensors("satin")).unwrap();
+    let brdf = Brdf::load(&path, Some("satin")).unwrap();
+    for (wo, wi) in [(0.1, 0.2), (0.7, 0.3), (1.4, 1.2)].map(|(o, i): (f64, f64)| {
+        (DVec3::new(o.sin(), 0.0, o.cos()), DVec3::new(i.sin() * 0.6, i.sin() * 0.8, i.cos()))
+    }) {
+        let (read, trained) = (brdf.eval(wo, wi), session.evaluator().eval(&[[wo, wi]])[0]);
+        assert!((read - trained).abs().max_element() < 1e-4 * (1.0 + trained.max_element()), "{read} {trained}");
     }
 }
 

@@ -4,8 +4,8 @@ use std::path::Path;
 
 use anyhow::{Context, Result, bail};
 use glam::DVec3;
-use neubrdf::material::{Bsdf, Evaluate, Prepared, color};
-use neubrdf::scene::brdf::{Brdf, NeuBrdf, Sparse};
+use neubrdf::material::{Bsdf, Evaluate, LayeredWalk, Prepared, color};
+use neubrdf::scene::brdf::{Brdf, Sparse};
 use neubrdf::scene::{Scene, Surface};
 use neubrdf::train::{GroundTruth, Pair};
 
@@ -20,15 +20,14 @@ pub struct BrdfInput {
 }
 
 impl BrdfInput {
-    /// Loads `path`: a material (.toml) or a scene (.toml), of which `name` picks a material, or any file that a scene could name as a material; `name`
-    /// picks one of a collection.
+    /// Loads `path`: a material or a scene (.toml), of which `name` picks a material, or any file that a scene could name as a
+    /// material; `name` picks one of a collection.
     pub fn load(path: &Path, name: Option<&str>) -> Result<BrdfInput> {
         let stem = path.file_stem().map(|stem| stem.to_string_lossy().into_owned()).unwrap_or_default();
         let label = name.map_or(stem.clone(), |name| format!("{stem}: {name}"));
         let known = |brdf| Ok(BrdfInput { name: label.clone(), brdf, samples: None });
         match path.extension().and_then(|ending| ending.to_str()) {
             Some("toml") => known(Box::new(scene_material(path, name)?)),
-            Some("neubrdf") => known(Box::new(Neural(NeuBrdf::load(path)?))),
             _ => match Brdf::load(path, name)? {
                 Brdf::Sparse(sparse) => {
                     let samples = Some(pairs(&sparse));
@@ -69,28 +68,23 @@ struct SceneMaterial {
     prepared: Prepared,
     color: DVec3,
     is_isotropic: bool,
+    /// Of a layered surface, whose values are estimates: many are averaged.
+    walk: Option<LayeredWalk>,
 }
+
+/// Walks that a value of a layered surface is the mean of.
+const WALKS: u32 = 32;
 
 impl Evaluate for SceneMaterial {
     fn eval(&self, wo: DVec3, wi: DVec3) -> DVec3 {
-        Bsdf::new(&self.prepared, self.color).eval(wo, wi)
+        match &self.walk {
+            Some(walk) => walk.average(wo, wi, WALKS),
+            None => Bsdf::new(&self.prepared, self.color).eval(wo, wi),
+        }
     }
 
     fn is_isotropic(&self) -> bool {
         self.is_isotropic
-    }
-}
-
-#[derive(Debug)]
-struct Neural(NeuBrdf);
-
-impl Evaluate for Neural {
-    fn eval(&self, wo: DVec3, wi: DVec3) -> DVec3 {
-        self.0.eval(wo, wi)
-    }
-
-    fn is_isotropic(&self) -> bool {
-        self.0.is_isotropic
     }
 }
 
@@ -100,11 +94,13 @@ fn scene_material(path: &Path, name: Option<&str>) -> Result<SceneMaterial> {
             let (scene, _) = Scene::load(path)?;
             let names = || scene.materials.iter().map(|material| material.name.as_str()).collect::<Vec<_>>().join(", ");
             let material = scene.materials.iter().find(|material| material.name == name);
-            let material = material
-                .with_context(|| format!("{}: no material `{name}`; it has {}", path.display(), names()))?;
+            let material =
+                material.with_context(|| format!("{}: no material `{name}`; it has {}", path.display(), names()))?;
             (material.surface.clone(), scene.brdfs)
         }
-        None => Surface::load(path, None).context("a file of one material was expected; of a scene, --name picks one")?,
+        None => {
+            Surface::load(path, None).context("a file of one material was expected; of a scene, --name picks one")?
+        }
     };
     if matches!(surface, Surface::Dielectric { .. }) {
         bail!("{}: the material lets light through; a BRDF only reflects", path.display());
@@ -119,5 +115,9 @@ fn scene_material(path: &Path, name: Option<&str>) -> Result<SceneMaterial> {
         Prepared::LobeSampled { brdf, .. } => brdf.is_isotropic(),
         _ => true,
     };
-    Ok(SceneMaterial { prepared, color, is_isotropic })
+    let walk = match &surface {
+        Surface::Layered(layers) => Some(LayeredWalk::new(layers)),
+        _ => None,
+    };
+    Ok(SceneMaterial { prepared, color, is_isotropic, walk })
 }

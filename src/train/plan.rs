@@ -10,6 +10,7 @@ use crate::scene::brdf::{CornerWeights, SphereGrid};
 #[serde(rename_all = "lowercase")]
 pub enum Model {
     /// Features on two hemispheres and a network.
+    #[value(name = "neubrdf")]
     NeuBrdf,
     /// A network on half and difference vectors, 6 → 21 → 21 → 3 (Sztrajman et al. 2021): the baseline.
     Nbrdf,
