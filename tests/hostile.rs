@@ -2,11 +2,16 @@
 //! without a panic and without gigabytes of memory.
 #![allow(unsafe_code)] // A counting allocator cannot be written without.
 
+mod common;
+
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
 use std::fs;
 use std::path::{Path, PathBuf};
 
+use common::networks;
+use glam::DVec3;
+use neubrdf::material::Evaluate;
 use neubrdf::scene::{Color, Fresnel, LightTable, Scene, Surface};
 use proptest::prelude::*;
 
@@ -63,12 +68,13 @@ const MOST_BYTES: isize = 32 << 20;
 struct Folder(tempfile::TempDir);
 
 const OBJ: &str = "mtllib a.mtl\no first\nv 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0.5\nvt 0 0\nvt 1 0\nvt 1 1\nvn 0 0 1\n\
-    usemtl m\nf 1/1/1 2/2/1 3/3/1\nusemtl n\nf 1 -2 -1 2\nusemtl p\nf 4/1/1 3/1/1 2/2/1\n";
+    usemtl m\nf 1/1/1 2/2/1 3/3/1\nusemtl n\nf 1 -2 -1 2\nusemtl p\nf 4/1/1 3/1/1 2/2/1\nusemtl q\nf 1 2 4\n";
 const MTL: &str = "newmtl m\nKd .5 .5 .5\nmap_Kd -s 1 1 1 a.png\nnewmtl n\nKs .5 .4 .3\nNs 20\nKd 0 0 0\nillum 3\n\
-    newmtl p\nKe 1 2 3\nmap_Kd a.jpg\nPr 0.5\nPm 1\n";
+    newmtl q\nnewmtl p\nKe 1 2 3\nmap_Kd a.jpg\nPr 0.5\nPm 1\n";
 const TOML: &str = "[camera]\neye = [0, 0, 5]\ntarget = [0, 0, 0]\nfov = 40\nlens_radius = 0.1\n[film]\nwidth = 8\n\
     height = 8\n[[mesh]]\nfile = \"a.obj\"\ncrease_angle = 30\ntransform = { scale = 2, rotate = [0, 10, 0] }\n\
-    instances = [{}, { translate = [1, 2, 3] }]\n[material.n]\ntype = \"coated\"\nroughness = 0.5\n[material.p]\n\
+    instances = [{}, { translate = [1, 2, 3] }]\n[material.q]\ntype = \"measured\"\nfile = \"a.safetensors\"\n\
+    name = \"second\"\n[material.n]\ntype = \"coated\"\nroughness = 0.5\n[material.p]\n\
     type = \"conductor\"\nmetal = \"gold\"\nalpha = [0.1, 0.2]\n[environment]\nfile = \"a.exr\"\nscale = 2\n[sun]\n\
     direction = [0, 1, 0]\nirradiance = [1, 2, 3]\n";
 
@@ -80,6 +86,9 @@ impl Folder {
         image.save(folder.path("a.jpg")).unwrap();
         let color = |x: usize, y: usize| (x as f32, y as f32, 0.5);
         exr::prelude::write_rgb_file(folder.path("a.exr"), 16, 8, color).unwrap();
+        let [first, second] = [networks::made(1.0, 4.0, 0.1), networks::made(5.0, 60.0, 0.02)];
+        let file = networks::safetensors(&[("first", &first), ("second", &second)]);
+        fs::write(folder.path("a.safetensors"), file).unwrap();
         fs::write(folder.path("a.obj"), OBJ).unwrap();
         fs::write(folder.path("a.mtl"), MTL).unwrap();
         fs::write(folder.path("a.toml"), TOML.replace("[material.p]", "[material.p] # overrides the texture")).unwrap();
@@ -166,7 +175,11 @@ fn assert_valid(scene: &Scene) {
                 color(albedo);
                 assert!((1.0..=10.0).contains(ior) && (0.0..=1.0).contains(alpha));
             }
-            Surface::Measured { brdf } => assert!((*brdf as usize) < scene.brdfs.len()),
+            Surface::Measured { brdf } => {
+                let wo = DVec3::new(0.6, 0.0, 0.8);
+                let value = scene.brdfs[*brdf as usize].eval(wo, wo);
+                assert!(value.is_finite() && value.min_element() >= 0.0, "{value}");
+            }
         }
     }
     for texture in &scene.textures {
@@ -179,7 +192,7 @@ fn assert_valid(scene: &Scene) {
     }
 }
 
-const FILES: [&str; 6] = ["a.obj", "a.mtl", "a.toml", "a.png", "a.jpg", "a.exr"];
+const FILES: [&str; 7] = ["a.obj", "a.mtl", "a.toml", "a.png", "a.jpg", "a.exr", "a.safetensors"];
 
 /// Unlike the override of the seed, this one keeps both textures in use.
 fn folder_with_textures() -> Folder {
@@ -211,9 +224,9 @@ fn every_file_may_end_anywhere() {
 }
 
 #[test]
-fn truncated_images_are_errors() {
+fn truncated_images_and_networks_are_errors() {
     let folder = folder_with_textures();
-    for name in ["a.png", "a.exr"] {
+    for name in ["a.png", "a.exr", "a.safetensors"] {
         let bytes = folder.read(name);
         for part in [0.1, 0.5, 0.9] {
             let message = folder.load_with(name, &bytes[..(bytes.len() as f64 * part) as usize]).unwrap_err();

@@ -4,13 +4,14 @@
 mod common;
 
 use std::ops::ControlFlow;
+use std::sync::Arc;
 
 use common::*;
 use glam::Vec3;
 use neubrdf::converge::Metrics;
 use neubrdf::image::{Crop, Picture, plane};
 use neubrdf::render::{Checkpoint, Features, Limits, Options, Renderer, Sampler, Settings, Stopped, Traversal, run};
-use neubrdf::scene::{Environment, LightTable, Scene, Sun, Surface};
+use neubrdf::scene::{Brdf, Environment, LightTable, Scene, Sun, Surface};
 
 fn settings() -> Settings {
     Settings { max_depth: 6, seed: 7, ..Settings::default() }
@@ -200,6 +201,14 @@ fn a_scene_builds_only_the_kernels_that_it_needs() {
             "estimate_error"
         ]
     );
+    let mut measured = still_life(Surface::Measured { brdf: 0 });
+    measured.brdfs = vec![Arc::new(Brdf::Nbrdf(networks::made(3.0, 20.0, 0.05)))];
+    let names = kernels(&measured, &beauty);
+    assert!(names.contains(&"shade_nbrdf") && names.contains(&"shade_diffuse"), "{names:?}");
+    let mut unused = lamp_only.clone();
+    unused.brdfs = measured.brdfs;
+    unused.materials.push(material("nowhere", Surface::Measured { brdf: 0 }));
+    assert_eq!(kernels(&unused, &beauty), kernels(&lamp_only, &beauty), "no mesh has the measured material");
     let mut dark = lamp_only.clone();
     dark.materials[2].emission = Vec3::ZERO;
     assert_eq!(

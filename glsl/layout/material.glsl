@@ -38,8 +38,7 @@ struct MaterialRecord {
     float ior;           // dielectric: inside over outside; coat: its index; exactly 1 where there is no boundary
     vec3 emission;       // radiance
     float base_scale;    // coated: 1 / (1 - average albedo of the coat)
-    vec2 alpha;          // GGX roughness along tangent and bitangent, 0 or >= 1e-4; (0, 0) is perfectly smooth. Of the sampling lobe
-                         // where lib/lobe.glsl samples
+    vec2 alpha;          // GGX roughness along tangent and bitangent, 0 or >= 1e-4; (0, 0) is perfectly smooth.
     uvec2 table;         // address of a CoatTable: coated with alpha > 0; of a LobeTable: sampled by lib/lobe.glsl; else null
 };
 

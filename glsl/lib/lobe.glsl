@@ -1,4 +1,4 @@
-// BRDFs without a sampler of their own, by one-sample MIS of an anisotropic GGX lobe of visible normals and a cosine hemisphere:
+// BRDFs without a sampler of their own, by one-sample MIS of two anisotropic GGX lobes of visible normals and a cosine hemisphere:
 // src/material/lobe_sampled.rs. Included at the end of a family's lib/bsdf_X.glsl, behind
 //
 //     struct Brdf;                               what the BRDF is evaluated from; uvec2 in place of buffer references
@@ -24,13 +24,14 @@
 #define BSDF_PICKS_FIRST
 
 struct Bsdf {
-    vec2 alpha;
+    vec4 alpha;    // of the two lobes
     uvec2 table;
     Brdf brdf;
 };
 
 layout(buffer_reference, scalar, buffer_reference_align = 16) readonly buffer LobeTable {
-    float weight[];    // the probability of the lobe at cos θo = i / (LOBE_NODES - 1)
+    vec4 alpha;       // GGX: of the first lobe along tangent and bitangent, of the second one
+    vec2 weight[];    // the probability of each at cos θo = i / (LOBE_NODES - 1)
 };
 
 #ifdef BRDF_EVAL_ONE
@@ -41,15 +42,15 @@ void brdf_eval_pair(Brdf b, vec3 wo, vec3 wi_1, vec3 wi_2, out vec3 f_1, out vec
 #endif
 
 Bsdf bsdf_make(MaterialRecord material, vec3 color) {
-    return Bsdf(material.alpha, material.table, brdf_make(material));
+    return Bsdf(LobeTable(material.table).alpha, material.table, brdf_make(material));
 }
 
 bool bsdf_is_delta(Bsdf b) {
     return false;
 }
 
-// The probability of the lobe.
-float lobe_weight(Bsdf b, float cosine) {
+// The probabilities of the lobes.
+vec2 lobe_weights(Bsdf b, float cosine) {
     float position = clamp(cosine, 0.0, 1.0) * float(LOBE_NODES - 1u);
     uint cell = min(uint(position), LOBE_NODES - 2u);
     LobeTable table = LobeTable(b.table);
@@ -61,24 +62,26 @@ bool both_above(vec3 wo, vec3 wi) {
 }
 
 // The density of a direction, of which h is the half vector, of any length.
-float lobe_pdf(Bsdf b, vec3 wo, vec3 wi, vec3 h, float weight) {
-    float lobe = 0.5 * ggx_distribution(h, b.alpha) / (wo.z + ggx_stretch(wo, b.alpha));
-    return both_above(wo, wi) ? weight * lobe + (1.0 - weight) * wi.z * INV_PI : 0.0;
+float lobe_pdf(Bsdf b, vec3 wo, vec3 wi, vec3 h, vec2 weights) {
+    vec2 distribution = vec2(ggx_distribution(h, b.alpha.xy), ggx_distribution(h, b.alpha.zw));
+    vec2 stretch = vec2(ggx_stretch(wo, b.alpha.xy), ggx_stretch(wo, b.alpha.zw));
+    float lobes = dot(weights, 0.5 * distribution / (wo.z + stretch));
+    return both_above(wo, wi) ? lobes + (1.0 - weights.x - weights.y) * wi.z * INV_PI : 0.0;
 }
 
 // A direction and its density, 0 where there is none.
 vec4 bsdf_pick(Bsdf b, vec3 wo, vec3 u) {
-    float weight = lobe_weight(b, wo.z);
+    vec2 weights = lobe_weights(b, wo.z);
     vec3 wi, h;
-    if (u.z < weight) {
+    if (u.z < weights.x + weights.y) {
         // wo + wi would no longer tell where in a narrow lobe the facet is.
-        h = ggx_sample(vec3(wo.xy, max(wo.z, MIN_COSINE)), b.alpha, u.xy);
+        h = ggx_sample(vec3(wo.xy, max(wo.z, MIN_COSINE)), u.z < weights.x ? b.alpha.xy : b.alpha.zw, u.xy);
         wi = normalize(2.0 * dot(wo, h) * h - wo);
     } else {
         wi = sample_cosine_hemisphere(u.xy);
         h = wo + wi;
     }
-    return vec4(wi, lobe_pdf(b, wo, wi, h, weight));
+    return vec4(wi, lobe_pdf(b, wo, wi, h, weights));
 }
 
 // f and pdf of the first direction; f of the second one, which bsdf_pick has picked.
@@ -89,7 +92,7 @@ void bsdf_eval_pair(Bsdf b, vec3 wo, vec3 wi, vec3 picked, out vec4 eval_pdf, ou
     bool is_picked = both_above(wo, picked);
     vec3 f;
     brdf_eval_pair(b.brdf, wo.z >= MIN_COSINE ? wo : up, is_lit ? wi : up, is_picked ? picked : up, f, f_picked);
-    float pdf = lobe_pdf(b, wo, wi, wo + wi, lobe_weight(b, wo.z));
+    float pdf = lobe_pdf(b, wo, wi, wo + wi, lobe_weights(b, wo.z));
     eval_pdf = is_lit ? vec4(f, pdf) : vec4(0.0);
     f_picked = is_picked ? f_picked : vec3(0.0);
 }

@@ -1,13 +1,13 @@
-// Where a BRDF that lib/lobe.glsl samples finds its own data: behind the weights of its lobe.
+// Where a BRDF that lib/lobe.glsl samples finds its own data: behind its lobes.
 #ifndef LIB_LOBE_TABLE_GLSL
 #define LIB_LOBE_TABLE_GLSL
 
 #include "layout/material.glsl"
 
 const uint LOBE_NODES = 16u;
-const uint LOBE_BYTES = 4u * LOBE_NODES;
+const uint LOBE_BYTES = 16u + 8u * LOBE_NODES;
 
-// The address of what src/render/brdf_table.rs has put behind the lobe; a multiple of 16.
+// The address of what src/render/brdf_table.rs has put behind the lobes; a multiple of 16.
 uvec2 lobe_brdf_data(MaterialRecord material) {
     uint carry;
     uint low = uaddCarry(material.table.x, LOBE_BYTES, carry);

@@ -1,10 +1,10 @@
-//! BRDFs without a sampler of their own: one-sample multiple importance sampling (Veach and Guibas 1995) of an anisotropic GGX
-//! lobe of visible normals and a cosine hemisphere.
+//! BRDFs without a sampler of their own: one-sample multiple importance sampling (Veach and Guibas 1995) of two anisotropic
+//! GGX lobes of visible normals and a cosine hemisphere.
 
 use std::f64::consts::FRAC_1_PI;
 use std::fmt::Debug;
 
-use glam::{DVec2, DVec3};
+use glam::{DVec3, Vec2};
 
 use super::conductor::reflection_pdf;
 use super::diffuse::sample_cosine_hemisphere;
@@ -21,7 +21,7 @@ pub trait Evaluate: Debug + Send + Sync {
     fn is_isotropic(&self) -> bool;
 }
 
-/// A BRDF and the lobe that it is sampled by, seen from the upper side.
+/// A BRDF and the lobes that it is sampled by, seen from the upper side.
 #[derive(Clone, Copy, Debug)]
 pub struct LobeSampled<'a> {
     /// The values.
@@ -41,8 +41,11 @@ impl LobeSampled<'_> {
         if !both_above(wo, wi) {
             return 0.0;
         }
-        let weight = self.lobe.weight_at(wo.z);
-        weight * reflection_pdf(self.lobe.ggx(), wo, (wo + wi).normalize()) + (1.0 - weight) * wi.z * FRAC_1_PI
+        let half = (wo + wi).normalize();
+        let weights = self.lobe.weights_at(wo.z);
+        let lobes = self.lobe.ggx().into_iter().zip(weights);
+        let of_lobes: f64 = lobes.map(|(ggx, weight)| weight * reflection_pdf(ggx, wo, half)).sum();
+        of_lobes + (1.0 - weights[0] - weights[1]) * wi.z * FRAC_1_PI
     }
 
     /// See [`super::Bsdf::sample`].
@@ -50,8 +53,12 @@ impl LobeSampled<'_> {
         if wo.z < MIN_COSINE {
             return None;
         }
-        let wi = if u[2] < self.lobe.weight_at(wo.z) {
-            reflect(wo, self.lobe.ggx().sample_visible_normal(wo, [u[0], u[1]]))
+        let [first, second] = self.lobe.weights_at(wo.z);
+        let [narrow, wide] = self.lobe.ggx();
+        let wi = if u[2] < first {
+            reflect(wo, narrow.sample_visible_normal(wo, [u[0], u[1]]))
+        } else if u[2] < first + second {
+            reflect(wo, wide.sample_visible_normal(wo, [u[0], u[1]]))
         } else {
             sample_cosine_hemisphere([u[0], u[1]])
         };
@@ -61,16 +68,16 @@ impl LobeSampled<'_> {
 }
 
 impl SamplingLobe {
-    /// The lobe itself.
-    pub fn ggx(&self) -> Ggx {
-        Ggx { alpha: DVec2::from_array(self.alpha.map(f64::from)) }
+    /// The lobes themselves.
+    pub fn ggx(&self) -> [Ggx; 2] {
+        self.alpha.map(|alpha| Ggx { alpha: Vec2::from_array(alpha).as_dvec2() })
     }
 
-    /// The probability of the lobe at cos θo.
-    pub fn weight_at(&self, cosine: f64) -> f64 {
+    /// The probabilities of the lobes at cos θo.
+    pub fn weights_at(&self, cosine: f64) -> [f64; 2] {
         let position = cosine.clamp(0.0, 1.0) * (SamplingLobe::NODES - 1) as f64;
         let cell = (position as usize).min(SamplingLobe::NODES - 2);
-        let (low, high) = (f64::from(self.weight[cell]), f64::from(self.weight[cell + 1]));
-        low + (high - low) * (position - cell as f64)
+        let [low, high] = [self.weight[cell], self.weight[cell + 1]].map(|pair| pair.map(f64::from));
+        [0, 1].map(|lobe| low[lobe] + (high[lobe] - low[lobe]) * (position - cell as f64))
     }
 }

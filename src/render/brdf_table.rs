@@ -1,6 +1,6 @@
 //! BRDFs that a file gives, as the device reads them: words behind [`MaterialRecord::table`](super::MaterialRecord).
 //!
-//! First the weights of the sampling lobe (`glsl/lib/lobe.glsl`), then, from byte [`LOBE_BYTES`] on, what `glsl/lib/bsdf_X.glsl` of the
+//! First the sampling lobes (`glsl/lib/lobe.glsl`), then, from byte [`LOBE_BYTES`] on, what `glsl/lib/bsdf_X.glsl` of the
 //! BRDF's family evaluates it from.
 
 use std::array;
@@ -8,12 +8,12 @@ use std::array;
 use crate::scene::{Brdf, Nbrdf, SamplingLobe};
 
 /// What precedes a BRDF's own words; `LOBE_BYTES` of `glsl/lib/lobe.glsl`. A multiple of 16.
-const LOBE_BYTES: usize = 4 * SamplingLobe::NODES;
+const LOBE_BYTES: usize = 4 * SamplingLobe::FLOATS;
 
 /// All that the device needs of a BRDF.
 pub fn pack(lobe: &SamplingLobe, brdf: &Brdf) -> Vec<u32> {
-    let mut words: Vec<u32> = lobe.weight.iter().map(|weight| weight.to_bits()).collect();
-    words.resize(LOBE_BYTES / 4, 0);
+    let mut words: Vec<u32> = lobe.to_floats().iter().map(|number| number.to_bits()).collect();
+    debug_assert_eq!(4 * words.len(), LOBE_BYTES);
     match brdf {
         Brdf::Nbrdf(nbrdf) => words.extend(pack_nbrdf(nbrdf).iter().map(|number| number.to_bits())),
     }

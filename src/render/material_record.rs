@@ -109,11 +109,7 @@ impl MaterialRecord {
         };
         let has_boundary = matches!(surface, Surface::Conductor { .. }) || (ior - 1.0).abs() >= INDEX_MATCH;
         let is_rough = has_boundary && alpha.max_element() >= SMOOTH_ALPHA;
-        let alpha = match prepared {
-            Prepared::LobeSampled { lobe, .. } => lobe.alpha.into(),
-            _ if is_rough => alpha.max(Vec2::splat(SMOOTH_ALPHA)),
-            _ => Vec2::ZERO,
-        };
+        let alpha = if is_rough { alpha.max(Vec2::splat(SMOOTH_ALPHA)) } else { Vec2::ZERO };
         let average_coat = if let Prepared::Coated { coat, .. } = prepared { coat.average() } else { 0.0 };
         MaterialRecord {
             color: color.value.into(),

@@ -70,7 +70,10 @@ impl Cells {
                 (f64::from(alpha), Some(refracted.normalize()))
             }
             Surface::Measured { .. } => match prepared {
-                Prepared::LobeSampled { lobe, .. } => (f64::from(lobe.alpha[0] * lobe.alpha[1]).sqrt(), None),
+                Prepared::LobeSampled { lobe, .. } => {
+                    let [x, y] = lobe.alpha[0].map(f64::from);
+                    ((x * y).sqrt(), None)
+                }
                 _ => (1.0, None),
             },
         };

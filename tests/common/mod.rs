@@ -3,6 +3,7 @@
 
 pub mod bsdf_structs;
 pub mod gpu_structs;
+pub mod networks;
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
