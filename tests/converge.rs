@@ -171,7 +171,8 @@ fn noise_and_efficiency_are_what_they_are_and_their_intervals_cover() {
         noise += usize::from(holds(a.top().unwrap().noise.unwrap().interval(CONFIDENCE), 1.0 / 256.0));
         // noise · seconds = 1/256 · 25.6
         efficiency += usize::from(holds(a.efficiency.unwrap().interval(CONFIDENCE), (1.0f64 / 0.1).ln()));
-        ratio += usize::from(holds(a.efficiency.unwrap().minus(&b.efficiency.unwrap()).interval(CONFIDENCE), 2f64.ln()));
+        ratio +=
+            usize::from(holds(a.efficiency.unwrap().minus(&b.efficiency.unwrap()).interval(CONFIDENCE), 2f64.ln()));
     }
     assert_covers("noise", noise, trials);
     assert_covers("efficiency", efficiency, trials);
@@ -270,7 +271,12 @@ fn thresholds_break_beyond_chance_only() {
 fn a_mistaken_threshold_file_is_refused_with_its_line() {
     let directory = tempfile::tempdir().unwrap();
     let path = directory.path().join("gate.toml");
-    for (text, told) in [("[[methods]]", "`method`"), ("[[method]]\nslop = 1", "`slope`"), ("[[ratio]]\nover = \"a\"", "method"), ("", "no threshold")] {
+    for (text, told) in [
+        ("[[methods]]", "`method`"),
+        ("[[method]]\nslop = 1", "`slope`"),
+        ("[[ratio]]\nover = \"a\"", "method"),
+        ("", "no threshold"),
+    ] {
         std::fs::write(&path, text).unwrap();
         let error = Gate::read(&path).unwrap_err().to_string();
         assert!(error.contains(told) && error.contains("gate.toml"), "{text}: {error}");
@@ -445,7 +451,11 @@ mod studies {
         let directory = tempfile::tempdir().unwrap();
         let scene = |albedo: f32| {
             let file = directory.path().join(format!("{albedo}.toml"));
-            std::fs::write(directory.path().join("floor.obj"), "v -1 0 1\nv 1 0 1\nv 1 0 -1\nv -1 0 -1\nusemtl m\nf 1 2 3 4\n").unwrap();
+            std::fs::write(
+                directory.path().join("floor.obj"),
+                "v -1 0 1\nv 1 0 1\nv 1 0 -1\nv -1 0 -1\nusemtl m\nf 1 2 3 4\n",
+            )
+            .unwrap();
             std::fs::write(
                 &file,
                 format!(

@@ -52,17 +52,18 @@ fn mitsuba_renders_what_we_render() {
         };
         let witness: Vec<_> = (0..32).map(|seed| mitsuba.render(32, seed).unwrap().0).collect();
         let witness = average(&witness).unwrap();
-        let settings = Settings {
-            max_depth: MAX_DEPTH,
-            seed: 3,
-            sampler: Sampler::Pcg,
-            features: false,
-            ..Settings::default()
-        };
+        let settings =
+            Settings { max_depth: MAX_DEPTH, seed: 3, sampler: Sampler::Pcg, features: false, ..Settings::default() };
         let picture = render(&driver.device, &scene, &settings, &Options::default(), 512);
         let options = ZTestOptions::for_noise(&picture, &witness).unwrap();
         let test = ZTest::of(&picture, &witness, options).unwrap();
-        println!("{name} beside {}: p = {:.3}, z of the mean {:?}, z rms {:.3}", mitsuba.name(), test.p, test.z_mean, test.z_rms);
+        println!(
+            "{name} beside {}: p = {:.3}, z of the mean {:?}, z rms {:.3}",
+            mitsuba.name(),
+            test.p,
+            test.z_mean,
+            test.z_rms
+        );
         assert!(!test.rejects(1e-3), "{name}: {test:?}");
     }
     driver.finish();

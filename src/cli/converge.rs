@@ -222,7 +222,9 @@ pub fn run_command(arguments: Arguments) -> Result<ExitCode> {
     if let Some(old) = old {
         let path = arguments.compare.as_deref().unwrap_or(Path::new(RECORD_FILE));
         println!("against {} (95 % intervals, all at once):", path.display());
-        if (&old.environment.cpu, old.environment.is_release) != (&record.environment.cpu, record.environment.is_release) {
+        if (&old.environment.cpu, old.environment.is_release)
+            != (&record.environment.cpu, record.environment.is_release)
+        {
             println!("warning: that was another machine or build: seconds do not compare");
         }
         print!("{}", change_lines(&compare(&analysis, &Analysis::of(&old))));

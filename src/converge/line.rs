@@ -33,11 +33,8 @@ impl Line {
         let slope = points().map(|(x, y)| (x - center) * (y - level)).sum::<f64>() / spread;
         let squares: f64 = points().map(|(x, y)| (y - level - slope * (x - center)).powi(2)).sum();
         let variance = dependence * squares / (count - 2.0).max(freedom);
-        let estimate = |value, variance: f64| Estimate {
-            value,
-            standard_error: variance.sqrt(),
-            degrees_of_freedom: freedom,
-        };
+        let estimate =
+            |value, variance: f64| Estimate { value, standard_error: variance.sqrt(), degrees_of_freedom: freedom };
         Some(Line { slope: estimate(slope, variance / spread), level: estimate(level, variance / count), center })
     }
 

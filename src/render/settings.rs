@@ -130,11 +130,7 @@ impl FromStr for BsdfSampling {
             "lobe" => Ok(BsdfSampling::Lobe),
             "cosine" => Ok(BsdfSampling::Cosine),
             "uniform" => Ok(BsdfSampling::Uniform),
-            _ => Err(UnknownChoice {
-                what: "BSDF sampling",
-                found: word.into(),
-                expected: "lobe, cosine or uniform",
-            }),
+            _ => Err(UnknownChoice { what: "BSDF sampling", found: word.into(), expected: "lobe, cosine or uniform" }),
         }
     }
 }

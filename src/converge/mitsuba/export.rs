@@ -192,13 +192,7 @@ fn bsdf(material: &Material, index: usize) -> Result<String, ExportError> {
 }
 
 /// The triangles of one material, binary, little-endian, corners not shared.
-fn ply(
-    mesh: &Mesh,
-    material: u32,
-    place: impl Fn(Vec3) -> Vec3,
-    normal_to_world: Mat3,
-    is_mirrored: bool,
-) -> Vec<u8> {
+fn ply(mesh: &Mesh, material: u32, place: impl Fn(Vec3) -> Vec3, normal_to_world: Mat3, is_mirrored: bool) -> Vec<u8> {
     let triangles: Vec<usize> =
         (0..mesh.triangles.len()).filter(|triangle| mesh.material(*triangle) == material).collect();
     let has_normals = !mesh.normals.is_empty();

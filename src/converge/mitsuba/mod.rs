@@ -90,7 +90,8 @@ impl Mitsuba {
         writeln!(self.requests, "{spp} {seed} {}", file.display())?;
         self.requests.flush()?;
         let answer = self.answer()?;
-        let seconds = answer["seconds"].as_f64().ok_or_else(|| MitsubaError::Broken(format!("it answered {answer}")))?;
+        let seconds =
+            answer["seconds"].as_f64().ok_or_else(|| MitsubaError::Broken(format!("it answered {answer}")))?;
         let timing = Timing { seconds, ..watch.stop() };
         let bytes = std::fs::read(&file)?;
         let mut picture = Picture::new(self.size[0], self.size[1]);
@@ -98,10 +99,8 @@ impl Mitsuba {
             return Err(MitsubaError::Broken(format!("its picture has {} bytes", bytes.len())));
         }
         let number = |bytes: &[u8]| bytes.first_chunk::<4>().map_or(0.0, |bytes| f32::from_le_bytes(*bytes));
-        let pixels: Vec<[f32; 3]> = bytes
-            .chunks_exact(12)
-            .map(|pixel| [number(pixel), number(&pixel[4..]), number(&pixel[8..])])
-            .collect();
+        let pixels: Vec<[f32; 3]> =
+            bytes.chunks_exact(12).map(|pixel| [number(pixel), number(&pixel[4..]), number(&pixel[8..])]).collect();
         picture.set_rgb(plane::BEAUTY, &pixels);
         picture.set(plane::SAMPLES, Samples::U32(vec![spp; pixels.len()]));
         Ok((picture, timing))

@@ -59,8 +59,7 @@ pub fn room(half_side: f32, material: u32) -> Mesh {
         at(side(0), side(1), side(2))
     };
     let corners: Vec<Vec3> = (0..8).map(corner).collect();
-    let sides =
-        [[0, 2, 6, 4], [1, 5, 7, 3], [0, 4, 5, 1], [2, 3, 7, 6], [0, 1, 3, 2], [4, 6, 7, 5]];
+    let sides = [[0, 2, 6, 4], [1, 5, 7, 3], [0, 4, 5, 1], [2, 3, 7, 6], [0, 1, 3, 2], [4, 6, 7, 5]];
     // Counter-clockwise seen from inside.
     let halves: Vec<[u32; 3]> = sides.iter().flat_map(|[a, b, c, d]| [[*a, *c, *b], [*a, *d, *c]]).collect();
     let mut mesh = triangles(&corners, &halves, material);

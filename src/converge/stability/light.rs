@@ -72,8 +72,7 @@ fn spotted_sky() -> Scene {
     let (width, height) = (64, 32);
     let mut texels = vec![Vec3::ONE; width * height];
     texels[6 * width + 20] = Vec3::splat(1e5);
-    scene.environment =
-        Some(Environment { width: width as u32, height: height as u32, texels, rotation_degrees: 0.0 });
+    scene.environment = Some(Environment { width: width as u32, height: height as u32, texels, rotation_degrees: 0.0 });
     scene
 }
 

@@ -106,7 +106,10 @@ fn inside_glass() -> Scene {
 fn grazing_coats() -> Scene {
     let stripe = |index: u32| {
         let x = |edge: u32| edge as f32 - 2.0;
-        quad([at(x(index), 0.0, 9.0), at(x(index + 1), 0.0, 9.0), at(x(index + 1), 0.0, -9.0), at(x(index), 0.0, -9.0)], index)
+        quad(
+            [at(x(index), 0.0, 9.0), at(x(index + 1), 0.0, 9.0), at(x(index + 1), 0.0, -9.0), at(x(index), 0.0, -9.0)],
+            index,
+        )
     };
     let coats = [0.0, 1e-3, 0.03, 0.3].map(|alpha| {
         let albedo = crate::scene::Color::constant(Vec3::splat(0.5));

@@ -83,7 +83,8 @@ impl Trial {
     /// A scene as most cases want it: independent numbers, so that the z-test has true variances, depth 6, 192 samples, against 384 of
     /// Embree.
     fn new(scene: Scene) -> Trial {
-        let settings = Settings { max_depth: 6, seed: 2, sampler: Sampler::Pcg, features: false, ..Settings::default() };
+        let settings =
+            Settings { max_depth: 6, seed: 2, sampler: Sampler::Pcg, features: false, ..Settings::default() };
         Trial { scene, settings, options: Options::default(), samples: 192, expected: Expected::Embree(384) }
     }
 

@@ -130,12 +130,13 @@ pub fn seconds(run: &Run, clock: Clock) -> f64 {
 
 fn analyse(record: &Record, scene: &SceneRecord, method: &MethodRecord, bias_tests: usize) -> MethodResult {
     let clock = record.question.clock;
-    let rungs: Vec<Rung> =
-        method.products.iter().filter_map(|products| rung(scene, method, products, clock)).collect();
+    let rungs: Vec<Rung> = method.products.iter().filter_map(|products| rung(scene, method, products, clock)).collect();
     let log_seconds: Vec<Option<Estimate>> = method
         .products
         .iter()
-        .map(|products| Estimate::mean(&times(method, products.spp, clock).into_iter().map(f64::ln).collect::<Vec<_>>()))
+        .map(|products| {
+            Estimate::mean(&times(method, products.spp, clock).into_iter().map(f64::ln).collect::<Vec<_>>())
+        })
         .collect();
 
     let relative = |products: &Products| points(&products.rel_mse, scene.truth.rel_mse);
@@ -145,9 +146,11 @@ fn analyse(record: &Record, scene: &SceneRecord, method: &MethodRecord, bias_tes
     };
     let rel_line = over_samples(&relative);
     let mse_line = over_samples(&plain);
-    let over_time = fit(
-        method.products.iter().zip(&log_seconds).filter_map(|(products, time)| Some((time.as_ref()?.value, relative(products)))),
-    );
+    let over_time = fit(method
+        .products
+        .iter()
+        .zip(&log_seconds)
+        .filter_map(|(products, time)| Some((time.as_ref()?.value, relative(products)))));
 
     let top = method.products.last();
     let log_top = top.map(|products| f64::from(products.spp).ln());
@@ -161,7 +164,9 @@ fn analyse(record: &Record, scene: &SceneRecord, method: &MethodRecord, bias_tes
     let level = if has_floor { floor.map_or(0.0, |floor| floor.value) } else { 0.0 };
     let longest = log_seconds.iter().flatten().map(|time| time.value).fold(f64::NEG_INFINITY, f64::max);
     let target = |rel_mse: &f64| {
-        let seconds = over_time.filter(|line| line.slope.value < 0.0 && *rel_mse > level).map(|line| line.solve((rel_mse - level).ln()));
+        let seconds = over_time
+            .filter(|line| line.slope.value < 0.0 && *rel_mse > level)
+            .map(|line| line.solve((rel_mse - level).ln()));
         Target {
             rel_mse: *rel_mse,
             seconds,
@@ -215,8 +220,12 @@ fn rung(scene: &SceneRecord, method: &MethodRecord, products: &Products, clock: 
         let errors: Vec<f64> = gram.errors().into_iter().map(|error| error - reference_noise).collect();
         Some(Estimate::mean(&errors)?.with_error(uncertainty))
     };
-    let flips: Vec<f64> =
-        method.runs.iter().filter(|run| run.spp == products.spp && run.non_finite_pixels == 0).map(|run| run.flip).collect();
+    let flips: Vec<f64> = method
+        .runs
+        .iter()
+        .filter(|run| run.spp == products.spp && run.non_finite_pixels == 0)
+        .map(|run| run.flip)
+        .collect();
     let rel_mse = error(&products.rel_mse, scene.truth.rel_mse, products.rel_mse_uncertainty)?;
     Some(Rung {
         spp: products.spp,

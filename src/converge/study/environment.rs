@@ -66,9 +66,11 @@ mod tests {
 
     #[test]
     fn dates_are_those_of_the_calendar() {
-        for (started, date) in
-            [(0, "1970-01-01 00:00 UTC"), (951_782_399, "2000-02-28 23:59 UTC"), (1_709_208_000, "2024-02-29 12:00 UTC")]
-        {
+        for (started, date) in [
+            (0, "1970-01-01 00:00 UTC"),
+            (951_782_399, "2000-02-28 23:59 UTC"),
+            (1_709_208_000, "2024-02-29 12:00 UTC"),
+        ] {
             assert_eq!(Environment { started, ..Environment::here() }.date(), date);
         }
     }

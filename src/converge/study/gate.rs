@@ -111,11 +111,9 @@ fn chosen<'a>(
     method: Option<&'a str>,
 ) -> impl Iterator<Item = (&'a str, &'a MethodResult)> {
     let fits = move |found: &MethodResult| method.is_none_or(|wanted| names(found, wanted));
-    analysis
-        .scenes
-        .iter()
-        .filter(move |found| scene.as_ref().is_none_or(|wanted| *wanted == found.name))
-        .flat_map(move |scene| scene.methods.iter().filter(move |found| fits(found)).map(|found| (scene.name.as_str(), found)))
+    analysis.scenes.iter().filter(move |found| scene.as_ref().is_none_or(|wanted| *wanted == found.name)).flat_map(
+        move |scene| scene.methods.iter().filter(move |found| fits(found)).map(|found| (scene.name.as_str(), found)),
+    )
 }
 
 fn names(method: &MethodResult, wanted: &str) -> bool {
@@ -199,7 +197,8 @@ impl RatioGate {
 
     fn judge(&self, analysis: &Analysis) -> Vec<Verdict> {
         let fail = |message: String| Verdict { holds: false, message };
-        let scenes = analysis.scenes.iter().filter(|found| self.scene.as_ref().is_none_or(|wanted| *wanted == found.name));
+        let scenes =
+            analysis.scenes.iter().filter(|found| self.scene.as_ref().is_none_or(|wanted| *wanted == found.name));
         let mut verdicts = Vec::new();
         for scene in scenes {
             let one = |wanted: &str| {

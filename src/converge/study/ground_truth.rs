@@ -137,10 +137,11 @@ impl GroundTruth {
     /// the method's mean picture less this one.
     pub fn uncertainty(&self, weights: &[f64], difference: &[f64]) -> f64 {
         let Some(variance) = self.picture.rgb(plane::VARIANCE) else { return 0.0 };
-        let terms = variance.as_flattened().iter().zip(weights).zip(difference).map(|((variance, weight), difference)| {
-            let variance = f64::from(*variance);
-            weight * weight * variance * (4.0 * difference * difference + 2.0 * variance)
-        });
+        let terms =
+            variance.as_flattened().iter().zip(weights).zip(difference).map(|((variance, weight), difference)| {
+                let variance = f64::from(*variance);
+                weight * weight * variance * (4.0 * difference * difference + 2.0 * variance)
+            });
         terms.sum::<f64>().sqrt() / weights.len() as f64
     }
 }

@@ -79,26 +79,17 @@ fn header(record: &Record, analysis: &Analysis) -> String {
         .flat_map(|scene| {
             scene.methods.iter().filter_map(|method| {
                 let reason = method.unavailable.as_ref()?;
-                Some(format!(
-                    "<li>{} in {}: {}</li>",
-                    escaped(&method.label),
-                    escaped(&scene.name),
-                    escaped(reason)
-                ))
+                Some(format!("<li>{} in {}: {}</li>", escaped(&method.label), escaped(&scene.name), escaped(reason)))
             })
         })
         .collect();
     if !missing.is_empty() {
         let _ = writeln!(html, "<div class=\"note\"><b>Not available here</b><ul>{}</ul></div>", missing.join(""));
     }
-    let wanted: usize = record
-        .scenes
-        .iter()
-        .flat_map(|scene| &scene.methods)
-        .filter(|method| method.unavailable.is_none())
-        .count()
-        * question.ladder.len()
-        * question.repetitions as usize;
+    let wanted: usize =
+        record.scenes.iter().flat_map(|scene| &scene.methods).filter(|method| method.unavailable.is_none()).count()
+            * question.ladder.len()
+            * question.repetitions as usize;
     let done: usize = record.scenes.iter().flat_map(|scene| &scene.methods).map(|method| method.runs.len()).sum();
     if done < wanted {
         let _ = writeln!(
@@ -198,7 +189,14 @@ fn bias(method: &MethodResult, entry: Option<&MethodRecord>) -> String {
     let against = entry.and_then(|entry| entry.model.as_ref()).map_or("", |_| ", as an estimator of its model");
     let title = format!(
         "{} spp against {} spp{against}: p of blocks of {b} × {b} pixels {:.2e}, of the mean {:.2e}; worst block at {:?}, z {:+.2}; z rms {:.3}; mean differs by {:+.2e}",
-        test.spp, test.reference_spp, test.p_blocks, test.p_mean, test.worst_pixel, test.worst_z, test.z_rms, test.relative_bias,
+        test.spp,
+        test.reference_spp,
+        test.p_blocks,
+        test.p_mean,
+        test.worst_pixel,
+        test.worst_z,
+        test.z_rms,
+        test.relative_bias,
         b = test.block
     );
     match p < SIGNIFICANCE || p.is_nan() {
@@ -210,9 +208,9 @@ fn bias(method: &MethodResult, entry: Option<&MethodRecord>) -> String {
 fn floor(method: &MethodResult) -> String {
     match (method.has_floor, &method.floor) {
         (true, Some(floor)) => {
-            let reached = method.floor_reached.map_or(String::new(), |time| {
-                format!("; noise sinks below it after {} s", log_interval(&time))
-            });
+            let reached = method
+                .floor_reached
+                .map_or(String::new(), |time| format!("; noise sinks below it after {} s", log_interval(&time)));
             format!("<b>{}</b>{reached}", interval(floor))
         }
         (_, Some(floor)) if floor.standard_error.is_finite() => {
@@ -240,7 +238,11 @@ fn plots(record: &Record, scene: &SceneRecord, result: &SceneResult) -> [Plot; 4
                 .iter()
                 .map(|rung| {
                     let error = error(rung);
-                    Point { x: x(rung), y: error.value, interval: error.interval(CONFIDENCE).map(|end| if end.is_finite() { end } else { error.value }) }
+                    Point {
+                        x: x(rung),
+                        y: error.value,
+                        interval: error.interval(CONFIDENCE).map(|end| if end.is_finite() { end } else { error.value }),
+                    }
                 })
                 .collect(),
             line: line(method, error, x),
@@ -299,19 +301,26 @@ fn pictures(record: &Record, scene: &SceneRecord, directory: &Path) -> Result<St
         }
         let Some(first) = all.first() else { continue };
         let label = format!("{} {}", key(style), escaped(&method.label));
+        // Both in one row.
+        html.push_str("<div class=\"pair\">");
         if let Some(beauty) = first.rgb(plane::BEAUTY) {
-            html.push_str(&figure(first, &tone_map::to_srgb8(&beauty, exposure), &format!("{label}<br>{} spp", top.spp))?);
+            html.push_str(&figure(
+                first,
+                &tone_map::to_srgb8(&beauty, exposure),
+                &format!("{label}<br>{} spp", top.spp),
+            )?);
         }
         if let Some(mean) = average(&all) {
             let difference = difference_rgb8(&mean, &truth, FULL_COLOR)?;
             let caption = format!("{label}<br>difference of {} × {} spp", all.len(), top.spp);
             html.push_str(&figure(&mean, &difference, &caption)?);
         }
+        html.push_str("</div>");
     }
     let full = 100.0 * FULL_COLOR;
-    let _ = write!(
+    let _ = writeln!(
         html,
-        "</div><p class=\"facts\">Differences of luminance, relative: red to yellow is too bright, blue to cyan too dark, full colour at ±{full} %.</p>\n"
+        "</div><p class=\"facts\">Differences of luminance, relative: red to yellow is too bright, blue to cyan too dark, full colour at ±{full} %.</p>"
     );
     Ok(html)
 }
@@ -338,7 +347,9 @@ fn figure(picture: &Picture, rgb: &[u8], caption: &str) -> Result<String, Error>
         }
     }
     let data = base64(&png_rgb8(width, height, &pixels)?);
-    Ok(format!("<figure><img alt=\"\" src=\"data:image/png;base64,{data}\"><figcaption>{caption}</figcaption></figure>"))
+    Ok(format!(
+        "<figure><img alt=\"\" src=\"data:image/png;base64,{data}\"><figcaption>{caption}</figcaption></figure>"
+    ))
 }
 
 /// RFC 4648.
@@ -428,7 +439,7 @@ th{font-weight:600;border-bottom:1px solid #999}td small{color:#666;white-space:
 .plots{display:grid;grid-template-columns:1fr 1fr;gap:10px}.plots svg{width:100%;height:auto}\
 svg text{font:11px system-ui,sans-serif;fill:#222}svg .title{font-weight:600;font-size:12.5px}svg .tick{fill:#444}\
 svg .minor{stroke:#eee;fill:none}svg .major{stroke:#d4d4d4;fill:none}svg .frame{stroke:#666;fill:none}svg .shade{fill:#000;opacity:.06}\
-.pictures{display:flex;flex-wrap:wrap;gap:10px;margin-top:10px}figure{margin:0;width:204px}figure img{width:204px;image-rendering:pixelated;display:block}\
+.pair{display:flex;gap:4px}.pictures{display:flex;flex-wrap:wrap;gap:10px;margin-top:10px}figure{margin:0;width:172px}figure img{width:172px;image-rendering:pixelated;display:block}\
 figcaption{font-size:12px;color:#333}summary{cursor:pointer;margin-top:10px;font-weight:600}\
 @media print{body{margin:0;max-width:none}section,figure,svg{break-inside:avoid}}\
 @media(max-width:760px){.plots{grid-template-columns:1fr}}";

@@ -168,9 +168,20 @@ impl Plan {
         let mut names: Vec<&str> = self.scenes.iter().map(|scene| scene.name.as_str()).collect();
         names.sort_unstable();
         if let Some(twice) = names.windows(2).find(|pair| pair[0] == pair[1]) {
-            return wrong("a scene's name", format!("'{}' twice", twice[0]), "a name of its own; set it in a study file");
+            return wrong(
+                "a scene's name",
+                format!("'{}' twice", twice[0]),
+                "a name of its own; set it in a study file",
+            );
         }
-        for name in names.iter().chain(self.scenes.iter().flat_map(|scene| &scene.models).map(|(name, _)| name.as_str()).collect::<Vec<_>>().iter()) {
+        for name in names.iter().chain(
+            self.scenes
+                .iter()
+                .flat_map(|scene| &scene.models)
+                .map(|(name, _)| name.as_str())
+                .collect::<Vec<_>>()
+                .iter(),
+        ) {
             if name.is_empty() || !name.chars().all(|char| char.is_alphanumeric() || "-_".contains(char)) {
                 return wrong("a name", format!("'{name}'"), "letters, digits, - and _, as it names files");
             }
@@ -318,8 +329,10 @@ mod tests {
     #[test]
     fn seeds_of_a_study_differ() {
         let plan = Plan { repetitions: 3, seed: 9, ..Plan::default() };
-        let mut seeds: Vec<u32> =
-            (0..4).flat_map(|rung| (0..3).map(move |repetition| (rung, repetition))).map(|(a, b)| plan.seed_of(a, b)).collect();
+        let mut seeds: Vec<u32> = (0..4)
+            .flat_map(|rung| (0..3).map(move |repetition| (rung, repetition)))
+            .map(|(a, b)| plan.seed_of(a, b))
+            .collect();
         seeds.sort_unstable();
         seeds.dedup();
         assert_eq!(seeds.len(), 12);

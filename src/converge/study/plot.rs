@@ -60,7 +60,8 @@ pub fn color(style: usize) -> &'static str {
 
 /// A sample of a series' line and marker, for tables.
 pub fn key(style: usize) -> String {
-    let mut svg = String::from("<svg class=\"key\" width=\"46\" height=\"14\" viewBox=\"0 0 46 14\" aria-hidden=\"true\">");
+    let mut svg =
+        String::from("<svg class=\"key\" width=\"46\" height=\"14\" viewBox=\"0 0 46 14\" aria-hidden=\"true\">");
     svg.push_str(&stroke([2.0, 7.0], [44.0, 7.0], style));
     svg.push_str(&marker(style, 23.0, 7.0));
     svg + "</svg>"
@@ -111,7 +112,8 @@ impl Plot {
         let points = || self.series.iter().flat_map(|series| &series.points).filter(|point| point.y > 0.0);
         let x = Axis::new(points().map(|point| point.x), LEFT, WIDTH - RIGHT);
         // Bars may reach down to nothing; the axis need not.
-        let ends = |point: &Point| [point.y, point.interval[0].max(point.y / 3.0), point.interval[1].min(point.y * 3.0)];
+        let ends =
+            |point: &Point| [point.y, point.interval[0].max(point.y / 3.0), point.interval[1].min(point.y * 3.0)];
         let floors = || self.series.iter().filter_map(|series| series.floor);
         let values: Vec<f64> = points().flat_map(ends).chain(floors()).collect();
         let y = Axis::new(values.iter().copied(), HEIGHT - BOTTOM, TOP);
@@ -243,8 +245,10 @@ fn marker(style: usize, x: f64, y: f64) -> String {
 
 /// A number as short as it is clear.
 pub fn plain(value: f64) -> String {
-    if value == 0.0 {
-        return "0".into();
+    match value {
+        0.0 => return "0".into(),
+        ..0.0 => return format!("−{}", plain(-value)),
+        _ => {}
     }
     let exponent = value.abs().log10().floor() as i32;
     match exponent {
@@ -293,7 +297,7 @@ mod tests {
             (64.0, "64"),
             (1.5e-4, "1.5·10⁻⁴"),
             (1e-10, "10⁻¹⁰"),
-            (-1.02, "-1.02"),
+            (-1.02, "−1.02"),
             (1e6, "10⁶"),
             (0.0, "0"),
         ] {

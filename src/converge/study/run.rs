@@ -142,9 +142,8 @@ fn check_question(record: &Record, plan: &Plan, scenes: &[Loaded], file: &Path) 
     check("revision", record.environment.revision.clone(), here.revision)?;
     if !record.scenes.is_empty() {
         let of_record = |scene: &SceneRecord| format!("{} {} {:?}", scene.name, scene.hash, scene.models);
-        let of_plan = |loaded: &Loaded| {
-            format!("{} {} {:?}", loaded.plan.name, loaded.scene.hash(), hashes(&loaded.models))
-        };
+        let of_plan =
+            |loaded: &Loaded| format!("{} {} {:?}", loaded.plan.name, loaded.scene.hash(), hashes(&loaded.models));
         check(
             "scenes",
             record.scenes.iter().map(of_record).collect::<Vec<_>>().join(", "),
@@ -401,7 +400,8 @@ fn conclude(entry: &mut MethodRecord, pictures: &Path, truths: &Truths, ladder: 
     let truth = truths.scene.picture.rgb(plane::BEAUTY).unwrap_or_default();
     let mut everything = Vec::new();
     for spp in ladder.iter().copied() {
-        let mut runs: Vec<&Run> = entry.runs.iter().filter(|run| run.spp == spp && run.non_finite_pixels == 0).collect();
+        let mut runs: Vec<&Run> =
+            entry.runs.iter().filter(|run| run.spp == spp && run.non_finite_pixels == 0).collect();
         runs.sort_by_key(|run| run.repetition);
         let mut differences = Vec::new();
         for run in runs {
@@ -461,11 +461,12 @@ pub fn average(pictures: &[Picture]) -> Option<Picture> {
             let part = f64::from(weights[pixel]) / total(pixel);
             variance[pixel] = std::array::from_fn(|c| {
                 let value = f64::from(plane[pixel][c]);
-                variance[pixel][c] + match has_variance {
-                    true => part * part * value,
-                    // Σ n (x − m)² / (K − 1) is the variance of a sample.
-                    false => part * (value - mean[pixel][c]).powi(2) / (pictures.len() as f64 - 1.0),
-                }
+                variance[pixel][c]
+                    + match has_variance {
+                        true => part * part * value,
+                        // Σ n (x − m)² / (K − 1) is the variance of a sample.
+                        false => part * (value - mean[pixel][c]).powi(2) / (pictures.len() as f64 - 1.0),
+                    }
             });
         }
     }
@@ -497,4 +498,3 @@ fn test(mean: &Picture, expected: &GroundTruth) -> Result<BiasTest, Error> {
         relative_bias: metrics.relative_bias,
     })
 }
-

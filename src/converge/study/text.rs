@@ -69,4 +69,3 @@ pub fn change_lines(changes: &[Change]) -> String {
     };
     changes.iter().map(line).collect()
 }
-
