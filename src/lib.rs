@@ -4,7 +4,7 @@
 //!
 //! | room | holds |
 //! |---|---|
-//! | [`converge`] | error metrics and statistical tests over pictures |
+//! | [`converge`] | error metrics and statistical tests over pictures; studies of speed against error |
 //! | [`render`] | the wavefront path tracer on Vulkan: queues, film, checkpoints |
 //! | `reference` | the Embree CPU path tracer (cargo feature `embree`) |
 //! | [`train`] | fits neural BRDFs on the CPU |

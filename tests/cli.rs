@@ -267,3 +267,49 @@ fn mistakes_in_training_name_the_thing() {
         assert!(!neubrdf(&["material", input, "--plot", "lobes.png"]).status.success());
     }
 }
+
+/// Thresholds decide on the exit status; mistakes are told before anything is rendered.
+#[test]
+#[cfg(feature = "embree")]
+fn converge_reports_judges_and_compares() {
+    let directory = tempfile::tempdir().unwrap();
+    let at = |name: &str| directory.path().join(name).to_str().unwrap().to_owned();
+    let scene = concat!(env!("CARGO_MANIFEST_DIR"), "/scenes/cornell/scene.toml");
+    let (cache, good, bad, wrong) = (at("cache"), at("good.toml"), at("bad.toml"), at("wrong.toml"));
+    std::fs::write(&good, "[[method]]\nslope = [-3, 0]\nbias_p = 1e-6\n").unwrap();
+    std::fs::write(&bad, "[[method]]\nslope = [1, 2]\n").unwrap();
+    std::fs::write(&wrong, "[[method]]\nslop = 1\n").unwrap();
+    let common = |output: &str, further: &[&str]| {
+        let mut arguments = vec!["converge", scene, "-o", output, "--cache", &cache, "--device", "embree", "--quiet"];
+        arguments.extend([
+            "--size",
+            "8x8",
+            "--spp",
+            "2,8",
+            "--repetitions",
+            "3",
+            "--max-depth",
+            "3",
+            "--reference-spp",
+            "64",
+        ]);
+        arguments.extend(further);
+        neubrdf(&arguments)
+    };
+    let (first, second) = (at("first"), at("second"));
+    let held = common(&first, &["--assert", &good]);
+    assert!(held.status.success(), "{}", stderr(&held));
+    for file in ["report.html", "runs.csv", "study.json", "analysis.json"] {
+        assert!(Path::new(&first).join(file).is_file(), "{file}");
+    }
+    let broken = common(&first, &["--resume", "--assert", &bad]);
+    assert_eq!(broken.status.code(), Some(3), "{}", stderr(&broken));
+    assert!(String::from_utf8_lossy(&broken.stdout).contains("✗") && stderr(&broken).contains("broken"));
+    assert!(stderr(&common(&second, &["--assert", &wrong])).contains("`slope`"));
+    assert!(!Path::new(&second).exists());
+    assert!(stderr(&common(&second, &["--sampler", "halton"])).contains("sobol or pcg"));
+    assert!(stderr(&common(&first, &[])).contains("--resume"));
+    let compared = common(&second, &["--seed", "9", "--compare", &format!("{first}/study.json")]);
+    let text = String::from_utf8_lossy(&compared.stdout).into_owned();
+    assert!(compared.status.success() && text.contains("efficiency"), "{text}{}", stderr(&compared));
+}

@@ -24,6 +24,9 @@ impl Random {
     }
 }
 
+/// One sample in fifty sees the lamp: as without light sampling.
+const RARE: Distribution = |random| if random.next() < 0.02 { 50.0 } else { 0.0 };
+
 /// What a sample of a pixel is drawn from.
 type Distribution = fn(&mut Random) -> f64;
 
@@ -130,6 +133,27 @@ fn equal_distributions_are_not_rejected() {
             assert!(rejected <= 20, "{name} {image_spp} {reference_spp}: {rejected}");
         }
     }
+}
+
+/// Where contributions are rare, blocks of four pixels are too small to be normal, and those that `for_noise` picks are not; a picture of
+/// little noise keeps its small blocks.
+#[test]
+fn blocks_grow_until_rare_contributions_are_normal() {
+    let trials = 100;
+    let mut rejected = [0, 0];
+    for trial in 0..trials {
+        let image = noisy(2 * trial + 1, 32, 4, 1.0, RARE);
+        let reference = noisy(2 * trial + 2, 32, 256, 1.0, EXPONENTIAL);
+        let options = ZTestOptions::for_noise(&image, &reference).unwrap();
+        assert!(options.block > 4, "{options:?}");
+        for (rejected, options) in rejected.iter_mut().zip([ZTestOptions::default(), options]) {
+            *rejected += usize::from(ZTest::of(&image, &reference, options).unwrap().rejects(0.01));
+        }
+    }
+    println!("rare contributions at 1 %: {rejected:?} of {trials} rejected with small and with grown blocks");
+    assert!(rejected[0] > 20 && rejected[1] <= 5, "{rejected:?}");
+    let calm = [noisy(1, 32, 64, 1.0, EXPONENTIAL), noisy(2, 32, 64, 1.0, EXPONENTIAL)];
+    assert_eq!(ZTestOptions::for_noise(&calm[0], &calm[1]).unwrap(), ZTestOptions::default());
 }
 
 #[test]

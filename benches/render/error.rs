@@ -6,9 +6,9 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
 
 use anyhow::{Context, Result};
+use neubrdf::converge::Metrics;
+use neubrdf::converge::study::GroundTruth;
 use neubrdf::gpu::{DeviceChoice, Instance, Validation};
-use neubrdf::image::{Picture, plane, read_exr, write_exr};
-use neubrdf::reference::{Reference, ReferenceOptions};
 use neubrdf::render::{Limits, Options, Renderer, Sampler, Settings, run as run_passes};
 use neubrdf::scene::Scene;
 
@@ -88,7 +88,7 @@ pub fn climb(name: &str, scene: &Scene, for_mitsuba: impl AsRef<OsStr>) -> Resul
     let device = Instance::new(Validation::Off)?.open(&DeviceChoice::Auto)?;
     let samples = number_from("REFERENCE_SPP", 4096)?;
     let seeds = number_from("SEEDS", 3)?.max(1);
-    let (reference, noise) = embree(scene, samples)?;
+    let truth = embree(scene, samples)?;
     let mut mitsuba = Mitsuba::start("llvm_ad_rgb", for_mitsuba)?;
     if let Some(mitsuba) = &mut mitsuba {
         eprintln!("Mitsuba's reference, {samples} spp …");
@@ -112,7 +112,8 @@ pub fn climb(name: &str, scene: &Scene, for_mitsuba: impl AsRef<OsStr>) -> Resul
                 let mut renderer = Renderer::new(&device, scene, &settings, &Options::default())?;
                 let limits = Limits { samples, seconds: None, error: None };
                 run_passes(&mut renderer, &limits, |_, _| ControlFlow::Continue(()))?;
-                let error = rel_mse(&renderer.picture()?.0, &reference)? - noise;
+                let metrics = Metrics::of(&renderer.picture()?.0, &truth.picture, 0.0)?;
+                let error = metrics.rel_mse - truth.about.rel_mse;
                 ladder.add(rung, renderer.seconds(), error);
                 bar.inc(1);
             }
@@ -156,40 +157,16 @@ pub fn cache_directory() -> Result<PathBuf> {
     Ok(directory)
 }
 
-/// Embree's picture, kept from run to run, and the relMSE of its own noise.
-fn embree(scene: &Scene, samples: u32) -> Result<(Picture, f64)> {
-    let file = cache_directory()?.join(format!("embree-{}-{MAX_DEPTH}-{samples}.exr", scene.hash()));
-    if !file.exists() {
-        let options = ReferenceOptions { spp: samples, seed: 77, max_depth: MAX_DEPTH, crop: None };
-        let reference = Reference::new(scene)?;
-        let bar = bar(1000);
-        bar.set_message("Embree's reference");
-        let (picture, statistics) =
-            reference.render(&options, |part| bar.set_position((part * 1000.0) as u64), &AtomicBool::new(false))?;
-        bar.finish_and_clear();
-        write_exr(&file, &picture, &reference.metadata(&options, &statistics))?;
-    }
-    let picture = read_exr(&file)?.0;
-    let truth = picture.rgb(plane::BEAUTY).context("the reference has no beauty")?;
-    let variance = picture.rgb(plane::VARIANCE).context("the reference has no variance")?;
-    let terms = truth.as_flattened().iter().zip(variance.as_flattened());
-    let noise = mean(terms.map(|(truth, variance)| f64::from(*variance) / weight(*truth)));
+/// Embree's picture, kept from run to run.
+fn embree(scene: &Scene, samples: u32) -> Result<GroundTruth> {
+    let bar = bar(1000);
+    bar.set_message("Embree's reference");
+    let progress = |part| bar.set_position((part * 1000.0) as u64);
+    let never = AtomicBool::new(false);
+    let truth = GroundTruth::embree(scene, MAX_DEPTH, samples, &cache_directory()?, progress, &never)?;
+    bar.finish_and_clear();
+    let truth = truth.context("the reference was stopped")?;
+    let noise = truth.about.rel_mse;
     println!("Embree's reference of {samples} spp errs by relMSE {noise:.1e}, which is taken off.");
-    Ok((picture, noise))
-}
-
-fn rel_mse(picture: &Picture, reference: &Picture) -> Result<f64> {
-    let [values, truths] = [picture, reference].map(|picture| picture.rgb(plane::BEAUTY));
-    let (values, truths) = (values.context("no beauty")?, truths.context("no beauty")?);
-    let terms = values.as_flattened().iter().zip(truths.as_flattened());
-    Ok(mean(terms.map(|(value, truth)| (f64::from(*value) - f64::from(*truth)).powi(2) / weight(*truth))))
-}
-
-fn weight(truth: f32) -> f64 {
-    f64::from(truth).powi(2) + 0.01
-}
-
-fn mean(terms: impl ExactSizeIterator<Item = f64>) -> f64 {
-    let count = terms.len() as f64;
-    terms.sum::<f64>() / count
+    Ok(truth)
 }

@@ -15,6 +15,7 @@ const bool HAS_LIGHTS = HAS_EMITTERS || HAS_ENVIRONMENT || HAS_SUN;
 
 struct LightSample {
     vec3 to_light;   // from the shading point to the light, or just beyond the scene
+    vec3 gap;        // from there to where a shadow ray ends: just short of an emitter, on the side that it is seen from
     vec3 radiance;   // for the sun: irradiance
     float pdf;       // per unit solid angle; for the sun: the probability of having picked it. 0: no light here
     bool is_delta;
@@ -77,7 +78,7 @@ LightSample sample_environment(SceneTable scene, Lights lights, uint texel, vec2
     vec2 turn = scene.environment_rotation;
     vec3 direction = vec3(turn.x * d.x + turn.y * d.z, d.y, turn.x * d.z - turn.y * d.x);
     vec3 radiance = scene.environment.at[texel];
-    return LightSample(direction * scene.reach, radiance, environment_pdf(lights, radiance), false);
+    return LightSample(direction * scene.reach, vec3(0.0), radiance, environment_pdf(lights, radiance), false);
 }
 
 LightSample sample_emitter(Lights lights, uint index, vec3 position, vec2 u) {
@@ -92,10 +93,9 @@ LightSample sample_emitter(Lights lights, uint index, vec3 position, vec2 u) {
     float cosine = both_sides ? abs(facing) : facing;
     bool lit = cosine > 0.0 && distance_squared > 0.0;
     float pdf = lit ? emitter_pdf(lights, emitter.emission, both_sides, distance_squared, cosine) : 0.0;
-    // End just short of the emitter, on the side it is seen from.
     float gap = 4.0e-6 * (abs(point.x) + abs(point.y) + abs(point.z));
     vec3 off = normal * (inversesqrt(dot(normal, normal)) * gap);
-    return LightSample(to_light + (facing > 0.0 ? off : -off), emitter.emission, pdf, false);
+    return LightSample(to_light, facing > 0.0 ? off : -off, emitter.emission, pdf, false);
 }
 
 // `u`: two 32-bit fractions. The first picks the table's entry, and what is left of it serves again for the place on the light,
@@ -115,7 +115,7 @@ LightSample sample_light(SceneTable scene, Lights lights, vec3 position, uvec2 u
     if (HAS_ENVIRONMENT && !(HAS_SUN && index == lights.count - 1u)) {
         return sample_environment(scene, lights, index - lights.emitter_count, place);
     }
-    return LightSample(scene.sun_direction * scene.reach, scene.sun_irradiance, scene.sun_probability, true);
+    return LightSample(scene.sun_direction * scene.reach, vec3(0.0), scene.sun_irradiance, scene.sun_probability, true);
 }
 
 #endif

@@ -55,7 +55,7 @@ ShadowRay shadow_ray(Surface surface, Lit lit, vec4 value, vec3 throughput) {
     ShadowRay ray;
     ray.contribution = throughput * value.rgb * lit.light.radiance * (abs(lit.local_wi.z) * weight / lit.light.pdf);
     ray.origin = leave(surface, lit.wi);
-    ray.to_light = lit.light.to_light + (surface.position - ray.origin);
+    ray.to_light = lit.light.to_light + lit.light.gap + (surface.position - ray.origin);
     return ray;
 }
 

@@ -13,8 +13,8 @@ pub fn cases() -> Vec<Case> {
         trial
     };
     vec![
-        Case { name: "a pool of one path", why: "every path is a batch of its own", trial: trial(1) },
-        Case { name: "a pool of 7 paths", why: "batches end within pixels", trial: trial(7) },
-        Case { name: "a pool larger than the picture", why: "most of it stays empty", trial: trial(1 << 20) },
+        trial(1).case("a pool of one path", "every path is a batch of its own"),
+        trial(7).case("a pool of 7 paths", "batches end within pixels"),
+        trial(1 << 20).case("a pool larger than the picture", "most of it stays empty"),
     ]
 }

@@ -12,32 +12,35 @@ pub fn cases() -> Vec<Case> {
         Case {
             name: "densities that vanish where f does not",
             why: "cosine-sampled directions at grazing, where a metal shines most: f/pdf grows without bound",
+            is_known_limit: false,
             trial: strategy(BsdfSampling::Cosine),
         },
         Case {
             name: "uniform directions",
             why: "densities that know nothing of the material, weighed against light samples",
+            is_known_limit: false,
             trial: strategy(BsdfSampling::Uniform),
         },
         Case {
             name: "no light samples",
             why: "weights must be 1 wherever nothing competes",
+            is_known_limit: false,
             trial: {
-                let mut trial = Trial::new(still_life(1.0)).samples(256);
+                let mut trial = Trial::new(still_life(1.0)).samples(256).without_light_sampling();
                 trial.scene.environment = Some(crate::scene::Environment::constant(Vec3::splat(0.3)));
-                trial.settings.light_sampling = false;
                 trial
             },
         },
         Case {
             name: "a firefly trap",
             why: "a small lamp seen by the floor through rough glass: rare paths carry nearly all of the light",
+            is_known_limit: false,
             trial: Trial::new(firefly_trap()).depth(8).samples(128),
         },
-        Case { name: "1 spp", why: "nothing is known of a spread", trial: sized(24, 24, 1) },
-        Case { name: "1 × 1 pixels", why: "less than a workgroup", trial: sized(1, 1, 16) },
-        Case { name: "16384 × 1 pixels", why: "more than a pool, in one row", trial: sized(16_384, 1, 5) },
-        Case { name: "37 × 29 pixels", why: "no multiple of any workgroup", trial: sized(37, 29, 3) },
+        sized(24, 24, 1).case("1 spp", "nothing is known of a spread"),
+        sized(1, 1, 16).case("1 × 1 pixels", "less than a workgroup"),
+        sized(16_384, 1, 5).case("16384 × 1 pixels", "more than a pool, in one row"),
+        sized(37, 29, 3).case("37 × 29 pixels", "no multiple of any workgroup"),
     ]
 }
 
@@ -62,5 +65,5 @@ fn firefly_trap() -> Scene {
 fn sized(width: u32, height: u32, samples: u32) -> Trial {
     let mut scene = furnace(vec![floor(1.0, 0.0, 0)], vec![material(diffuse(1.0))], at(0.0, 2.0, 0.5), Vec3::ZERO);
     scene.film = Film { width, height };
-    Trial::new(scene).samples(samples).expecting(Expected::Radiance(1.0, 1e-5))
+    Trial::new(scene).samples(samples).without_light_sampling().expecting(Expected::Radiance(1.0, 1e-5))
 }

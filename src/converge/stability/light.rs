@@ -11,31 +11,37 @@ pub fn cases() -> Vec<Case> {
         Case {
             name: "a lamp 10⁻⁴ wide",
             why: "no path runs into it: all light comes from light samples, whose densities are 10⁸",
+            is_known_limit: false,
             trial: Trial::new(with_lamp(5e-5, 4e8)),
         },
         Case {
             name: "one pixel of sky 10⁵ brighter",
             why: "a sky sampled by anything but its radiance would miss it",
+            is_known_limit: false,
             trial: Trial::new(spotted_sky()),
         },
         Case {
             name: "10⁴ lamps over six decades",
             why: "one table over all of them; picking them alike would give fireflies of 10⁶",
+            is_known_limit: false,
             trial: Trial::new(many_lamps()),
         },
         Case {
             name: "a lamp at grazing",
             why: "cosines on both sides go to 0 along the edge where the lamp meets the floor, and 1/distance² to infinity",
+            is_known_limit: false,
             trial: Trial::new(grazing_lamp()),
         },
         Case {
             name: "black lamps",
             why: "emitters without power have no place in a table of powers",
+            is_known_limit: false,
             trial: Trial::new(with_lamp(0.5, 0.0)).expecting(Expected::Radiance(0.0, 0.0)),
         },
         Case {
             name: "no light",
             why: "a table of nothing must not be read",
+            is_known_limit: false,
             trial: Trial::new(scene(
                 vec![floor(1.0, 0.0, 0)],
                 vec![material(diffuse(0.5))],
@@ -47,6 +53,7 @@ pub fn cases() -> Vec<Case> {
         Case {
             name: "a sun alone",
             why: "a light without area, found by light samples only, whose cosine law is exact: albedo/π · irradiance · cos 60°",
+            is_known_limit: false,
             trial: Trial::new(sun_alone()).expecting(Expected::Radiance(0.5 / std::f64::consts::PI, 1e-5)),
         },
     ]

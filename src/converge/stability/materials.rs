@@ -12,11 +12,13 @@ pub fn cases() -> Vec<Case> {
         Case {
             name: "roughness 0 to 10⁻³",
             why: "between a mirror and a lobe of 10⁶: densities from none to 10⁶ and half vectors that cancel",
+            is_known_limit: false,
             trial: Trial::new(spheres([0.0, 1e-4, 3e-4, 1e-3].map(|alpha| material(conductor(0.9, alpha))).to_vec())),
         },
         Case {
             name: "F0 = 1",
             why: "nothing is lost: a mirror cannot be seen under a white sky",
+            is_known_limit: false,
             trial: Trial::new(furnace(
                 vec![sphere(Vec3::ZERO, 1.0, 24, false, 0)],
                 vec![material(conductor(1.0, 0.0))],
@@ -28,6 +30,7 @@ pub fn cases() -> Vec<Case> {
         Case {
             name: "albedo 0.999 in a closed box",
             why: "a thousand bounces, each with its chance to lose or gain energy: e (1 − ρ¹⁰⁰⁰) / (1 − ρ)",
+            is_known_limit: false,
             trial: Trial::new(closed_box())
                 .depth(box_depth)
                 .samples(16)
@@ -36,6 +39,7 @@ pub fn cases() -> Vec<Case> {
         Case {
             name: "index 1",
             why: "a boundary that is none: Snell's law divides by the difference of indices",
+            is_known_limit: false,
             trial: Trial::new(spheres(
                 [1.0, 1.00005, 1.001, 0.999].map(|ior| material(Surface::Dielectric { ior, alpha: 0.0 })).to_vec(),
             ))
@@ -44,11 +48,13 @@ pub fn cases() -> Vec<Case> {
         Case {
             name: "total internal reflection",
             why: "from inside of glass most directions have no refracted one",
+            is_known_limit: false,
             trial: Trial::new(inside_glass()).depth(24),
         },
         Case {
             name: "index 10 and its inverse",
             why: "radiance is scaled by 100 at each crossing",
+            is_known_limit: false,
             trial: Trial::new(spheres(
                 [(10.0, 0.0), (0.1, 0.0), (10.0, 0.05), (0.1, 0.05)]
                     .map(|(ior, alpha)| material(Surface::Dielectric { ior, alpha }))
@@ -59,6 +65,7 @@ pub fn cases() -> Vec<Case> {
         Case {
             name: "grazing coats",
             why: "coats from smooth to rough over a floor seen at 1°: Fresnel's reflectance rises to 1 within the last degrees",
+            is_known_limit: false,
             trial: Trial::new(grazing_coats()),
         },
     ]

@@ -301,6 +301,8 @@ fn pictures(record: &Record, scene: &SceneRecord, directory: &Path) -> Result<St
         }
         let Some(first) = all.first() else { continue };
         let label = format!("{} {}", key(style), escaped(&method.label));
+        // Both in one row.
+        html.push_str("<div class=\"pair\">");
         if let Some(beauty) = first.rgb(plane::BEAUTY) {
             html.push_str(&figure(
                 first,
@@ -313,11 +315,12 @@ fn pictures(record: &Record, scene: &SceneRecord, directory: &Path) -> Result<St
             let caption = format!("{label}<br>difference of {} × {} spp", all.len(), top.spp);
             html.push_str(&figure(&mean, &difference, &caption)?);
         }
+        html.push_str("</div>");
     }
     let full = 100.0 * FULL_COLOR;
-    let _ = write!(
+    let _ = writeln!(
         html,
-        "</div><p class=\"facts\">Differences of luminance, relative: red to yellow is too bright, blue to cyan too dark, full colour at ±{full} %.</p>\n"
+        "</div><p class=\"facts\">Differences of luminance, relative: red to yellow is too bright, blue to cyan too dark, full colour at ±{full} %.</p>"
     );
     Ok(html)
 }
@@ -436,7 +439,7 @@ th{font-weight:600;border-bottom:1px solid #999}td small{color:#666;white-space:
 .plots{display:grid;grid-template-columns:1fr 1fr;gap:10px}.plots svg{width:100%;height:auto}\
 svg text{font:11px system-ui,sans-serif;fill:#222}svg .title{font-weight:600;font-size:12.5px}svg .tick{fill:#444}\
 svg .minor{stroke:#eee;fill:none}svg .major{stroke:#d4d4d4;fill:none}svg .frame{stroke:#666;fill:none}svg .shade{fill:#000;opacity:.06}\
-.pictures{display:flex;flex-wrap:wrap;gap:10px;margin-top:10px}figure{margin:0;width:204px}figure img{width:204px;image-rendering:pixelated;display:block}\
+.pair{display:flex;gap:4px}.pictures{display:flex;flex-wrap:wrap;gap:10px;margin-top:10px}figure{margin:0;width:172px}figure img{width:172px;image-rendering:pixelated;display:block}\
 figcaption{font-size:12px;color:#333}summary{cursor:pointer;margin-top:10px;font-weight:600}\
 @media print{body{margin:0;max-width:none}section,figure,svg{break-inside:avoid}}\
 @media(max-width:760px){.plots{grid-template-columns:1fr}}";

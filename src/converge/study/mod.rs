@@ -32,6 +32,6 @@ pub use method::{AXES, Axes, Engine, Method, Precision};
 pub use plan::{Clock, Plan, ScenePlan};
 pub use record::{BiasTest, MethodRecord, Products, Question, Record, Run, SceneRecord};
 pub use report::write_report;
-pub use run::{Event, RECORD_FILE, run};
+pub use run::{Event, RECORD_FILE, average, run};
 pub use text::{change_lines, summary_text, verdict_lines};
 pub use versus::{Change, compare};

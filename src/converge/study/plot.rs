@@ -245,8 +245,10 @@ fn marker(style: usize, x: f64, y: f64) -> String {
 
 /// A number as short as it is clear.
 pub fn plain(value: f64) -> String {
-    if value == 0.0 {
-        return "0".into();
+    match value {
+        0.0 => return "0".into(),
+        ..0.0 => return format!("−{}", plain(-value)),
+        _ => {}
     }
     let exponent = value.abs().log10().floor() as i32;
     match exponent {
@@ -295,7 +297,7 @@ mod tests {
             (64.0, "64"),
             (1.5e-4, "1.5·10⁻⁴"),
             (1e-10, "10⁻¹⁰"),
-            (-1.02, "-1.02"),
+            (-1.02, "−1.02"),
             (1e6, "10⁶"),
             (0.0, "0"),
         ] {
