@@ -41,6 +41,6 @@ impl Surface {
         let mut library = Library::default();
         let grey = Surface::Diffuse { albedo: Color::constant(Vec3::splat(0.5)) };
         let surface = surface(&table, &grey, path, &mut library)?;
-        Ok((surface, library.brdfs.into_iter().map(|(_, brdf)| brdf).collect()))
+        Ok((surface, library.brdfs))
     }
 }
