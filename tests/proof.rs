@@ -27,6 +27,10 @@ fn small(path: &Path) -> (String, Scene) {
     (path.parent().and_then(Path::file_name).unwrap().to_string_lossy().into_owned(), scene)
 }
 
+fn all_shipped() -> Vec<(String, Scene)> {
+    shipped_scenes().iter().map(|path| small(path)).collect()
+}
+
 /// Balls of networks from matte to mirror-like, a diffuse floor, a lamp and a sky.
 fn shelf_of_networks() -> (String, Scene) {
     let mut scene = still_life(diffuse(0.5));
@@ -84,12 +88,12 @@ fn prove(driver_name: &str, traversals: &[Traversal], scenes: &[(String, Scene)]
 
 #[test]
 fn every_shipped_scene_agrees_with_embree_by_the_bvh() {
-    prove(LAVAPIPE, &[Traversal::Bvh], &shipped_scenes().iter().map(|path| small(path)).collect::<Vec<_>>());
+    prove(LAVAPIPE, &[Traversal::Bvh], &all_shipped());
 }
 
 #[test]
 fn every_shipped_scene_agrees_with_embree_by_ray_query() {
-    prove(LAVAPIPE, &[Traversal::RayQuery], &shipped_scenes().iter().map(|path| small(path)).collect::<Vec<_>>());
+    prove(LAVAPIPE, &[Traversal::RayQuery], &all_shipped());
 }
 
 #[test]
