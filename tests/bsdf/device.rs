@@ -320,16 +320,17 @@ fn compare_samples(bsdf: &Bsdf, case: &BsdfTestCase, result: &BsdfTestResult, na
 
 #[test]
 fn shaders_agree_with_the_definitions() {
-    const COUNT: usize = 250_000;
     let brdfs: Vec<_> = networks::all().into_iter().chain(truths::measured()).map(|(_, brdf)| brdf).collect();
     on_both_drivers(|device, name| {
         let mut text = String::new();
         let mut holds = true;
-        // One walk is no value: layered surfaces have a test of their own.
-        for family in Family::ALL.into_iter().filter(|family| *family != Family::Layered) {
+        for family in Family::ALL {
+            let is_truth =
+                matches!(family, Family::Layered | Family::Woven | Family::Merl | Family::Rgl | Family::Sparse);
+            let count = if is_truth { 80_000 } else { 250_000 };
             let surfaces = surfaces(family, &brdfs);
             let prepared = Prepared::all(&surfaces.iter().map(as_material).collect::<Vec<_>>(), &brdfs);
-            let cases = cases(&surfaces, &prepared, COUNT);
+            let cases = cases(&surfaces, &prepared, count);
             let results = Shader::new(device, &surfaces, &brdfs).run(&cases);
             let (values, samples, undecided) = cases
                 .par_iter()
@@ -346,6 +347,10 @@ fn shaders_agree_with_the_definitions() {
                     );
                     assert!((Vec3::from(result.wi).length() - 1.0).abs() < 1e-5, "{result:?}: {surface_name} {case:?}");
                     assert_eq!(result.is_delta & 2 != 0, bsdf.is_delta(), "{surface_name}");
+                    if family == Family::Layered {
+                        // One walk is no value: `layered` compares means.
+                        return Default::default();
+                    }
                     let values = compare_values(&bsdf, case, result, &surface_name);
                     match compare_samples(&bsdf, case, result, &surface_name) {
                         Some(samples) => (values, samples, 0),
@@ -353,10 +358,13 @@ fn shaders_agree_with_the_definitions() {
                     }
                 })
                 .reduce(Default::default, |a, b| (a.0.merge(b.0), a.1.merge(b.1), a.2 + b.2));
-            holds &= values.holds() && samples.holds() && undecided < COUNT / 200;
+            if family == Family::Layered {
+                continue;
+            }
+            holds &= values.holds() && samples.holds() && undecided < count / 200;
             text += &values.report(&format!("{} values", family.name()));
             text += &samples.report(&format!("{} samples", family.name()));
-            writeln!(text, "    {undecided} of {COUNT} samples at a close decision").unwrap();
+            writeln!(text, "    {undecided} of {count} samples at a close decision").unwrap();
         }
         write_evidence(&format!("bsdf_parity_{name}.txt"), &text);
         assert!(holds, "{name}\n{text}");
