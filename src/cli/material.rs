@@ -74,7 +74,10 @@ pub fn run(arguments: Arguments) -> Result<ExitCode> {
     }
     let is_wrong = checked.is_some_and(|check| {
         // A NaN is above every threshold.
-        check.negative > 0 || check.non_finite > 0 || !(check.max_albedo <= arguments.max_albedo)
+        check.negative > 0
+            || check.non_finite > 0
+            || check.max_albedo > arguments.max_albedo
+            || check.max_albedo.is_nan()
     });
     Ok(if is_wrong { ExitCode::from(WRONG) } else { ExitCode::SUCCESS })
 }

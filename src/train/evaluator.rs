@@ -14,12 +14,16 @@ use crate::scene::brdf::{CornerWeights, Encoding, NO_CODE, NeuBrdf, SphereTable}
 pub struct Evaluator {
     network: Network,
     is_isotropic: bool,
-    form: Form,
+    /// An NBRDF has none.
+    features: Option<Features>,
 }
 
-enum Form {
-    NeuBrdf { tables: [SphereTable; 2], rows: [Vec<f32>; 2], corner_weights: CornerWeights, encoding: Encoding },
-    Nbrdf,
+struct Features {
+    tables: [SphereTable; 2],
+    /// Points × F, of each table.
+    rows: [Vec<f32>; 2],
+    corner_weights: CornerWeights,
+    encoding: Encoding,
 }
 
 /// Rows that go through the network together.
@@ -38,13 +42,13 @@ impl Evaluator {
             };
             table.indices.iter().flat_map(row).copied().collect()
         });
-        let form = Form::NeuBrdf { tables, rows, corner_weights: brdf.corner_weights, encoding: brdf.encoding };
-        Evaluator { network: network_of(&brdf.layers), is_isotropic: brdf.is_isotropic, form }
+        let features = Some(Features { tables, rows, corner_weights: brdf.corner_weights, encoding: brdf.encoding });
+        Evaluator { network: network_of(&brdf.layers), is_isotropic: brdf.is_isotropic, features }
     }
 
     /// Of the network of an NBRDF.
     pub fn nbrdf(network: Network, is_isotropic: bool) -> Evaluator {
-        Evaluator { network, is_isotropic, form: Form::Nbrdf }
+        Evaluator { network, is_isotropic, features: None }
     }
 
     /// The BRDF in sr⁻¹, RGB, at each (ωo, ωi), which are above the surface.
@@ -67,9 +71,9 @@ impl Evaluator {
     }
 
     fn inputs(&self, wo: DVec3, wi: DVec3, row: &mut [f32]) {
-        match &self.form {
-            Form::Nbrdf => row[..6].copy_from_slice(&half_difference(wo, wi, self.is_isotropic)),
-            Form::NeuBrdf { tables, rows, corner_weights, .. } => {
+        match &self.features {
+            None => row[..6].copy_from_slice(&half_difference(wo, wi, self.is_isotropic)),
+            Some(Features { tables, rows, corner_weights, .. }) => {
                 let frame = in_frame(wo, wi, self.is_isotropic);
                 let sides = [0, 1];
                 let views = sides.map(|side| Rows { features: tables[side].features as usize, rows: &rows[side] });
@@ -83,9 +87,9 @@ impl Evaluator {
     }
 
     fn decode(&self, outputs: DVec3) -> DVec3 {
-        match &self.form {
-            Form::Nbrdf => outputs.map(|y| y.clamp(0.0, crate::material::NBRDF_LARGEST_OUTPUT).exp_m1()),
-            Form::NeuBrdf { encoding, .. } => {
+        match &self.features {
+            None => outputs.map(|y| y.clamp(0.0, crate::material::NBRDF_LARGEST_OUTPUT).exp_m1()),
+            Some(Features { encoding, .. }) => {
                 let [gain, scale, max] = [encoding.gain, encoding.scale, encoding.max].map(f64::from);
                 outputs.map(|y| ((scale * y).exp_m1() / gain).clamp(0.0, max))
             }

@@ -33,7 +33,7 @@ impl GroundTruth<'_> {
         }
     }
 
-    /// The measurements, or values of the function at `count` pairs drawn by [`draw`].
+    /// The measurements, or values of the function at `count` pairs that are drawn to crowd where lobes are.
     pub fn pairs(&self, count: usize, seed: u64) -> Vec<Pair> {
         match self {
             GroundTruth::Samples { pairs, .. } => pairs.clone(),

@@ -369,7 +369,7 @@ mod tests {
         for (point, row) in table.rows.chunks_exact_mut(features).enumerate() {
             row.iter_mut().for_each(|x| *x = (point % 3) as f32 * 10.0 + 0.01 * *x);
         }
-        table.quantise(12, &vec![true; 90], &mut random);
+        table.quantise(12, &[true; 90], &mut random);
         for (point, row) in table.rows.chunks_exact(features).enumerate() {
             assert!(row.iter().all(|x| (x - (point % 3) as f32 * 10.0).abs() < 0.02), "{point}: {row:?}");
         }
