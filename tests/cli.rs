@@ -277,7 +277,7 @@ fn converge_reports_judges_and_compares() {
     let scene = concat!(env!("CARGO_MANIFEST_DIR"), "/scenes/cornell/scene.toml");
     let (cache, good, bad, wrong) = (at("cache"), at("good.toml"), at("bad.toml"), at("wrong.toml"));
     std::fs::write(&good, "[[method]]\nslope = [-3, 0]\nbias_p = 1e-6\n").unwrap();
-    std::fs::write(&bad, "[[method]]\nslope = [1, 2]\n").unwrap();
+    std::fs::write(&bad, "[[method]]\nrel_mse = 1e-9\nshown = true\n").unwrap();
     std::fs::write(&wrong, "[[method]]\nslop = 1\n").unwrap();
     let common = |output: &str, further: &[&str]| {
         let mut arguments = vec!["converge", scene, "-o", output, "--cache", &cache, "--device", "embree", "--quiet"];

@@ -69,10 +69,10 @@ mod tests {
     #[test]
     fn quantiles_have_the_tabulated_values() {
         for (confidence, degrees_of_freedom, t) in
-            [(0.95, 1.0, 12.706), (0.95, 3.0, 3.182), (0.95, 10.0, 2.228), (0.99, 5.0, 4.032), (0.95, 1e6, 1.95996)]
+            [(0.95, 1.0, 12.706), (0.95, 3.0, 3.182), (0.95, 10.0, 2.228), (0.99, 5.0, 4.032), (0.95, 1e6, 1.960)]
         {
             let found = student_t(confidence, degrees_of_freedom);
-            assert!((found / t - 1.0).abs() < 1e-4, "{confidence} {degrees_of_freedom}: {found}, not {t}");
+            assert!((found - t).abs() <= 5.1e-4, "{confidence} {degrees_of_freedom}: {found}, not {t}");
         }
         assert_eq!(student_t(0.95, 0.0), f64::INFINITY);
     }

@@ -88,6 +88,12 @@ pub fn cases() -> Vec<Case> {
             trial: Trial::new(moved(still_life(1.0), at(1e4, -1e4, 1e4))),
         },
         Case {
+            name: "a lamp 10⁶ from the origin",
+            why: "a shadow ray must end short of its lamp by the error of the lamp's place, and still point at the lamp",
+            is_known_limit: false,
+            trial: Trial::new(moved(floor_and_lamp(), at(1e6, 0.0, 0.0))).depth(2).samples(512),
+        },
+        Case {
             name: "10⁶ from the origin",
             why: "positions are to 1/16 only, so that the sphere is a heap of steps: both renderers must see the same heap",
             is_known_limit: true,
@@ -167,6 +173,15 @@ fn axis_aligned() -> Scene {
     );
     scene.camera.vertical_fov_degrees = 0.011;
     scene
+}
+
+fn floor_and_lamp() -> Scene {
+    scene(
+        vec![floor(30.0, 0.0, 0), ceiling(5.0, 25.0, 1)],
+        vec![material(diffuse(0.5)), lamp(10.0)],
+        at(0.0, 15.0, 50.0),
+        at(0.0, 7.0, 0.0),
+    )
 }
 
 fn moved(mut scene: Scene, by: Vec3) -> Scene {

@@ -68,8 +68,6 @@ pub struct Outcome {
 
 /// A case that is not done by then hangs.
 const LONGEST_SECONDS: f64 = 120.0;
-/// That a correct renderer fails any case by chance.
-const SIGNIFICANCE: f64 = 1e-3;
 
 /// All cases.
 pub fn cases() -> Vec<Case> {
@@ -191,6 +189,8 @@ fn mean_and_error(picture: &Picture) -> (f64, f64) {
 fn against_embree(picture: &Picture, scene: &Scene, max_depth: u32, spp: u32) -> Result<Outcome, String> {
     use crate::converge::{Metrics, ZTest, ZTestOptions};
     use crate::reference::{Reference, ReferenceOptions};
+    /// That a correct renderer fails any case by chance.
+    const SIGNIFICANCE: f64 = 1e-3;
     let options = ReferenceOptions { spp, seed: 0x5354_4142, max_depth, crop: None };
     let stop = std::sync::atomic::AtomicBool::new(false);
     let reference = Reference::new(scene)
