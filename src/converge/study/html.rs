@@ -73,16 +73,22 @@ fn header(record: &Record, analysis: &Analysis) -> String {
         question.seed,
         analysis.bias_tests,
     );
-    let missing: Vec<String> = record
-        .scenes
-        .iter()
-        .flat_map(|scene| {
-            scene.methods.iter().filter_map(|method| {
-                let reason = method.unavailable.as_ref()?;
-                Some(format!("<li>{} in {}: {}</li>", escaped(&method.label), escaped(&scene.name), escaped(reason)))
-            })
-        })
-        .collect();
+    // A reason once, with the scenes that it holds for.
+    let mut reasons: Vec<((&str, &str), Vec<&str>)> = Vec::new();
+    for scene in &record.scenes {
+        for method in &scene.methods {
+            let Some(reason) = &method.unavailable else { continue };
+            let what = (method.label.as_str(), reason.as_str());
+            match reasons.iter_mut().find(|(known, _)| *known == what) {
+                Some((_, scenes)) => scenes.push(&scene.name),
+                None => reasons.push((what, vec![&scene.name])),
+            }
+        }
+    }
+    let line = |((label, reason), scenes): &((&str, &str), Vec<&str>)| {
+        format!("<li>{} in {}: {}</li>", escaped(label), escaped(&scenes.join(", ")), escaped(reason))
+    };
+    let missing: Vec<String> = reasons.iter().map(line).collect();
     if !missing.is_empty() {
         let _ = writeln!(html, "<div class=\"note\"><b>Not available here</b><ul>{}</ul></div>", missing.join(""));
     }
@@ -245,7 +251,7 @@ fn plots(record: &Record, scene: &SceneRecord, result: &SceneResult) -> [Plot; 4
                     }
                 })
                 .collect(),
-            line: line(method, error, x),
+            line: line(method, error, x, noise),
             floor: method.floor.filter(|_| method.has_floor && metric == "relMSE").map(|floor| floor.value),
         });
         Plot {
@@ -264,10 +270,19 @@ fn plots(record: &Record, scene: &SceneRecord, result: &SceneResult) -> [Plot; 4
     ]
 }
 
-/// The least-squares line through what is drawn, from the first point to the last.
-fn line(method: &MethodResult, error: fn(&Rung) -> Estimate, x: fn(&Rung) -> f64) -> Option<[[f64; 2]; 2]> {
-    let points: Vec<[f64; 2]> =
-        method.rungs.iter().map(|rung| [x(rung), error(rung).value]).filter(|point| point[1] > 0.0).collect();
+/// The least-squares line through what is drawn above the reference's noise, from the first point to the last.
+fn line(
+    method: &MethodResult,
+    error: fn(&Rung) -> Estimate,
+    x: fn(&Rung) -> f64,
+    reference_noise: f64,
+) -> Option<[[f64; 2]; 2]> {
+    let points: Vec<[f64; 2]> = method
+        .rungs
+        .iter()
+        .map(|rung| [x(rung), error(rung).value])
+        .filter(|point| point[1] > reference_noise)
+        .collect();
     let groups: Vec<(f64, Vec<f64>)> = points.iter().map(|[x, y]| (x.ln(), vec![y.ln()])).collect();
     // A floor makes it bend: then the points are joined as they are by their ends alone.
     let end = |point: &[f64; 2]| match crate::converge::Line::fit(&groups, 1.0).filter(|_| !method.has_floor) {
