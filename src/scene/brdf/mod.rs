@@ -23,6 +23,7 @@ pub use sphere_grid::{Located, POLE, SphereGrid};
 
 /// A BRDF that a file gives.
 #[derive(Clone, Debug, PartialEq)]
+#[allow(clippy::large_enum_variant)] // few, and shared by reference
 pub enum Brdf {
     /// A small network (Sztrajman et al. 2021).
     Nbrdf(Nbrdf),
