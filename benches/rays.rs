@@ -241,16 +241,10 @@ fn bumpy_sphere(rings: u32) -> Mesh {
 
 fn found(name: &str) -> Option<Mesh> {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/data/meshes").join(name);
-    let options = tobj::LoadOptions { triangulate: true, ..Default::default() };
-    let Ok((models, _)) = tobj::load_obj(&path, &options) else {
+    if !path.exists() {
         eprintln!("skipped: {} is not there", path.display());
         return None;
-    };
-    let (mut positions, mut triangles) = (Vec::new(), Vec::new());
-    for model in &models {
-        let start = positions.len() as u32;
-        positions.extend(model.mesh.positions.chunks_exact(3).map(|p| Vec3::new(p[0], p[1], p[2])));
-        triangles.extend(model.mesh.indices.chunks_exact(3).map(|t| [t[0] + start, t[1] + start, t[2] + start]));
     }
-    Some(mesh(name, positions, triangles))
+    let (scene, _) = Scene::load(&path).expect("a mesh that loads");
+    scene.meshes.into_iter().next().map(|mesh| Mesh { materials: vec![0], ..mesh })
 }

@@ -3,7 +3,7 @@
 
 mod common;
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
@@ -21,26 +21,15 @@ const MAX_DEPTH: u32 = 8;
 const SAMPLES: u32 = 64;
 const REFERENCE_SAMPLES: u32 = 256;
 
-/// Every scene file under `scenes/`.
-fn shipped() -> Vec<PathBuf> {
-    let mut files = Vec::new();
-    for directory in std::fs::read_dir(Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes")).unwrap() {
-        for file in std::fs::read_dir(directory.unwrap().path()).unwrap() {
-            let path = file.unwrap().path();
-            if path.extension().is_some_and(|ending| ending == "toml") {
-                files.push(path);
-            }
-        }
-    }
-    files.sort();
-    files
-}
-
 /// A shipped scene, small enough for a test, with its title.
 fn small(path: &Path) -> (String, Scene) {
     let mut scene = Scene::load(path).unwrap().0;
     scene.film = Film { width: 48, height: 48 * scene.film.height / scene.film.width };
     (path.parent().and_then(Path::file_name).unwrap().to_string_lossy().into_owned(), scene)
+}
+
+fn all_shipped() -> Vec<(String, Scene)> {
+    shipped_scenes().iter().map(|path| small(path)).collect()
 }
 
 /// Balls of networks from matte to mirror-like, a diffuse floor, a lamp and a sky.
@@ -100,17 +89,17 @@ fn prove(driver_name: &str, traversals: &[Traversal], scenes: &[(String, Scene)]
 
 #[test]
 fn every_shipped_scene_agrees_with_embree_by_the_bvh() {
-    prove(LAVAPIPE, &[Traversal::Bvh], &shipped().iter().map(|path| small(path)).collect::<Vec<_>>());
+    prove(LAVAPIPE, &[Traversal::Bvh], &all_shipped());
 }
 
 #[test]
 fn every_shipped_scene_agrees_with_embree_by_ray_query() {
-    prove(LAVAPIPE, &[Traversal::RayQuery], &shipped().iter().map(|path| small(path)).collect::<Vec<_>>());
+    prove(LAVAPIPE, &[Traversal::RayQuery], &all_shipped());
 }
 
 #[test]
 fn the_second_driver_agrees_with_embree() {
-    let scenes: Vec<_> = shipped()
+    let scenes: Vec<_> = shipped_scenes()
         .into_iter()
         .filter(|path| path.ends_with("cornell/scene.toml") || path.ends_with("still_life/scene.toml"))
         .map(|path| small(&path))

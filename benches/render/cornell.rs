@@ -95,7 +95,7 @@ pub fn run() -> Result<()> {
         }
     }
     for variant in ["llvm_ad_rgb", "scalar_rgb"] {
-        if let Some(mitsuba) = Mitsuba::start(variant)? {
+        if let Some(mitsuba) = Mitsuba::start(variant, "cornell")? {
             let name = format!("Mitsuba {} {variant}, independent", mitsuba.version);
             contenders.push(Contender::new(name, Who::Mitsuba(mitsuba), None)?);
         }

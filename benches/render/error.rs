@@ -1,5 +1,6 @@
 //! Time to an error: relMSE over a ladder of samples, ours against Embree, Mitsuba's against itself.
 
+use std::ffi::OsStr;
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
@@ -79,15 +80,19 @@ impl Ladder {
 }
 
 pub fn run() -> Result<()> {
-    let scene = crate::load("cornell")?;
+    climb("cornell", &crate::load("cornell")?, "cornell")
+}
+
+/// Renders a scene, and what Mitsuba makes of `for_mitsuba`, with more and more samples.
+pub fn climb(name: &str, scene: &Scene, for_mitsuba: impl AsRef<OsStr>) -> Result<()> {
     let device = Instance::new(Validation::Off)?.open(&DeviceChoice::Auto)?;
     let samples = number_from("REFERENCE_SPP", 4096)?;
     let seeds = number_from("SEEDS", 3)?.max(1);
-    let (reference, noise) = embree(&scene, samples)?;
-    let mut mitsuba = Mitsuba::start("llvm_ad_rgb")?;
+    let (reference, noise) = embree(scene, samples)?;
+    let mut mitsuba = Mitsuba::start("llvm_ad_rgb", for_mitsuba)?;
     if let Some(mitsuba) = &mut mitsuba {
         eprintln!("Mitsuba's reference, {samples} spp …");
-        let file = cache_directory()?.join(format!("mitsuba-{}-cornell-{samples}.npy", mitsuba.version));
+        let file = cache_directory()?.join(format!("mitsuba-{}-{name}-{samples}.npy", mitsuba.version));
         let noise = mitsuba.reference(samples, &file)?;
         println!("Mitsuba's reference of {samples} spp errs by relMSE {noise:.1e}, which is taken off.\n");
     }
@@ -104,7 +109,7 @@ pub fn run() -> Result<()> {
                 bar.set_message(ladder.name.clone());
                 let settings =
                     Settings { max_depth: MAX_DEPTH, sampler: *sampler, seed, features: false, ..Settings::default() };
-                let mut renderer = Renderer::new(&device, &scene, &settings, &Options::default())?;
+                let mut renderer = Renderer::new(&device, scene, &settings, &Options::default())?;
                 let limits = Limits { samples, seconds: None, error: None };
                 run_passes(&mut renderer, &limits, |_, _| ControlFlow::Continue(()))?;
                 let error = rel_mse(&renderer.picture()?.0, &reference)? - noise;

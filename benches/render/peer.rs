@@ -1,5 +1,6 @@
 //! Mitsuba 3, kept running beside us so that its renders and ours can take turns.
 
+use std::ffi::OsStr;
 use std::io::{BufRead, BufReader, Write};
 use std::path::Path;
 use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
@@ -14,7 +15,7 @@ const HOW: &str = "Mitsuba: skipped. To compare: python3 -m venv /tmp/peers && /
                    apt-get install libllvm19, then set MITSUBA_PYTHON=/tmp/peers/bin/python and \
                    DRJIT_LIBLLVM_PATH=/usr/lib/x86_64-linux-gnu/libLLVM-19.so";
 
-/// A python that runs benches/mitsuba_cornell.py.
+/// A python that runs benches/mitsuba_scene.py.
 pub struct Mitsuba {
     pub variant: &'static str,
     pub version: String,
@@ -24,15 +25,17 @@ pub struct Mitsuba {
 }
 
 impl Mitsuba {
-    /// `None`, with a word on how to get it, unless `MITSUBA_PYTHON` names a python that has it.
-    pub fn start(variant: &'static str) -> Result<Option<Mitsuba>> {
+    /// With `cornell` or a NeuBRDF on a sphere, for which see the script. `None`, with a word on how to get it, unless
+    /// `MITSUBA_PYTHON` names a python that has it.
+    pub fn start(variant: &'static str, scene: impl AsRef<OsStr>) -> Result<Option<Mitsuba>> {
         let Some(python) = std::env::var_os("MITSUBA_PYTHON") else {
             println!("{HOW}\n");
             return Ok(None);
         };
-        let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("benches/mitsuba_cornell.py");
+        let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("benches/mitsuba_scene.py");
         let mut child = Command::new(&python)
             .arg(script)
+            .arg(scene)
             .env("MITSUBA_VARIANT", variant)
             .stdin(Stdio::piped())
             .stdout(Stdio::piped())
@@ -45,7 +48,7 @@ impl Mitsuba {
         Ok(Some(mitsuba))
     }
 
-    /// Renders the Cornell box; the time is that of the render alone, as Mitsuba sees it.
+    /// Renders; the time is that of the render alone, as Mitsuba sees it.
     pub fn render(&mut self, sampler: &str, samples: u32, seed: u32) -> Result<Timing> {
         let watch = Stopwatch::of(vec![self.child.id()]);
         let answer = self.ask(&format!("render {sampler} {samples} {seed}"))?;

@@ -29,9 +29,9 @@ struct Bsdf {
     Brdf brdf;
 };
 
-layout(buffer_reference, scalar, buffer_reference_align = 16) readonly buffer LobeTable {
-    vec4 alpha;       // GGX: of the first lobe along tangent and bitangent, of the second one
-    vec2 weight[];    // the probability of each at cos θo = i / (LOBE_NODES - 1)
+// GGX α of the first lobe along tangent and bitangent, of the second one; then the probability of each at cos θo = i / (LOBE_NODES - 1).
+layout(buffer_reference, scalar, buffer_reference_align = 8) readonly buffer LobeTable {
+    vec2 at[];
 };
 
 #ifdef BRDF_EVAL_ONE
@@ -42,7 +42,8 @@ void brdf_eval_pair(Brdf b, vec3 wo, vec3 wi_1, vec3 wi_2, out vec3 f_1, out vec
 #endif
 
 Bsdf bsdf_make(MaterialRecord material, vec3 color) {
-    return Bsdf(LobeTable(material.table).alpha, material.table, brdf_make(material));
+    LobeTable table = LobeTable(material.table);
+    return Bsdf(vec4(table.at[0], table.at[1]), material.table, brdf_make(material));
 }
 
 bool bsdf_is_delta(Bsdf b) {
@@ -54,7 +55,7 @@ vec2 lobe_weights(Bsdf b, float cosine) {
     float position = clamp(cosine, 0.0, 1.0) * float(LOBE_NODES - 1u);
     uint cell = min(uint(position), LOBE_NODES - 2u);
     LobeTable table = LobeTable(b.table);
-    return mix(table.weight[cell], table.weight[cell + 1u], position - float(cell));
+    return mix(table.at[2u + cell], table.at[3u + cell], position - float(cell));
 }
 
 bool both_above(vec3 wo, vec3 wi) {

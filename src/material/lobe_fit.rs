@@ -167,8 +167,9 @@ impl View {
                 let half = (wo + wi).normalize();
                 let cosine = wi.z * FRAC_1_PI;
                 let density = probes.iter().map(|probe| reflection_pdf(*probe, wo, half)).sum::<f64>() + cosine;
-                let value = eval(wo, wi) * wi.z;
-                Point { half, cosine, moment: value.length_squared() / (density * f64::from(POINTS)) }
+                let moment = (eval(wo, wi) * wi.z).length_squared() / (density * f64::from(POINTS));
+                debug_assert!(moment.is_finite(), "f({wo}, {wi}) is not finite");
+                Point { half, cosine, moment }
             })
             .collect();
         View { wo, points }
@@ -197,7 +198,7 @@ impl View {
                 moment += share;
                 slope += densities * (share * inverse);
             }
-            if !(moment > 0.0) {
+            if moment <= 0.0 {
                 // Black from here.
                 return (DVec2::ZERO, f64::MIN_POSITIVE);
             }

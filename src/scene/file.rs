@@ -130,7 +130,7 @@ impl Loader {
             instances,
             materials,
             textures: Vec::new(),
-            brdfs: brdfs.into_iter().map(|(_, brdf)| brdf).collect(),
+            brdfs,
             environment,
             sun,
         };

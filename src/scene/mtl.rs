@@ -19,8 +19,10 @@ pub(super) struct Library {
     pub materials: Vec<Material>,
     /// Texture files and what names them first; [`Color::texture`] indexes these until they are decoded.
     pub textures: Vec<(PathBuf, Place)>,
-    /// BRDFs and what they were read from; [`Surface::Measured`] indexes these.
-    pub brdfs: Vec<((PathBuf, Option<String>), Arc<Brdf>)>,
+    /// BRDFs; [`Surface::Measured`] indexes these.
+    pub brdfs: Vec<Arc<Brdf>>,
+    /// The file and the name that each of them was read by.
+    brdf_files: Vec<(PathBuf, Option<String>)>,
     pub warnings: Vec<Warning>,
     /// Materials that an OBJ file names and no MTL file defines: index, and the OBJ file.
     pub undefined: Vec<(u32, PathBuf)>,
@@ -140,11 +142,11 @@ impl Library {
     /// The index of the BRDF in a file, which is read once.
     pub fn brdf(&mut self, path: PathBuf, name: Option<&str>, named_by: &Place) -> Result<u32, Error> {
         let key = (path, name.map(str::to_owned));
-        if let Some(index) = self.brdfs.iter().position(|(known, _)| *known == key) {
+        if let Some(index) = self.brdf_files.iter().position(|known| *known == key) {
             return Ok(index as u32);
         }
-        let brdf = Arc::new(Brdf::load_for(&key.0, name, Some(named_by))?);
-        self.brdfs.push((key, brdf));
+        self.brdfs.push(Arc::new(Brdf::load_for(&key.0, name, Some(named_by))?));
+        self.brdf_files.push(key);
         Ok(self.brdfs.len() as u32 - 1)
     }
 

@@ -6,6 +6,7 @@ pub mod gpu_structs;
 pub mod networks;
 pub mod random_neubrdf;
 
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use glam::{Affine3A, Vec2, Vec3};
@@ -188,4 +189,19 @@ pub fn still_life(surface: Surface) -> Scene {
     );
     scene.environment = Some(Environment::constant(Vec3::new(0.2, 0.3, 0.5)));
     scene
+}
+
+/// Every scene file under `scenes/`.
+pub fn shipped_scenes() -> Vec<PathBuf> {
+    let mut files = Vec::new();
+    for directory in std::fs::read_dir(Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes")).unwrap() {
+        for file in std::fs::read_dir(directory.unwrap().path()).unwrap() {
+            let path = file.unwrap().path();
+            if path.extension().is_some_and(|ending| ending == "toml") {
+                files.push(path);
+            }
+        }
+    }
+    files.sort();
+    files
 }

@@ -1,6 +1,10 @@
-"""Mitsuba 3's own Cornell box (mi.cornell_box()), rendered on request: what benches/render compares with.
+"""A scene rendered by Mitsuba 3 on request: what benches/render compares with.
 
-Usage: MITSUBA_VARIANT=llvm_ad_rgb|scalar_rgb python mitsuba_cornell.py
+Usage: MITSUBA_VARIANT=llvm_ad_rgb|scalar_rgb python mitsuba_scene.py cornell
+       MITSUBA_VARIANT=llvm_ad_rgb            python mitsuba_scene.py SPHERE.json
+
+`cornell` is Mitsuba's own Cornell box, mi.cornell_box(). A JSON file is a NeuBRDF, as benches/render/sphere.rs writes it, on a
+sphere over a grey ground; mitsuba_neubrdf.py evaluates it.
 
 256x256, path tracer of depth 6, box filter as ours. Each line on standard input is answered by one line of JSON:
     render SAMPLER SPP SEED          seconds
@@ -23,12 +27,38 @@ import numpy as np
 mi.set_variant(os.environ.get("MITSUBA_VARIANT", "llvm_ad_rgb"))
 
 
+def sphere(file):
+    import mitsuba_neubrdf
+
+    mitsuba_neubrdf.register(file)
+    to_world = mi.ScalarTransform4f
+    grey = {"type": "diffuse", "reflectance": {"type": "rgb", "value": 0.5}}
+    lamp = {"type": "area", "radiance": {"type": "rgb", "value": 12.0}}
+    return {
+        "type": "scene",
+        "sensor": {
+            "type": "perspective",
+            "fov": 40,
+            "to_world": to_world().look_at([0, -4, 1.6], [0, 0, 0.8], [0, 0, 1]),
+            "film": {"type": "hdrfilm", "width": 256, "height": 256},
+        },
+        "ball": {"type": "sphere", "center": [0, 0, 1], "bsdf": {"type": "neubrdf"}},
+        "ground": {"type": "rectangle", "to_world": to_world().scale(20), "bsdf": grey},
+        "sky": {"type": "constant", "radiance": {"type": "rgb", "value": 0.5}},
+        "lamp": {
+            "type": "rectangle",
+            "to_world": to_world().translate([1.5, -1, 4]) @ to_world().rotate([1, 0, 0], 180) @ to_world().scale(0.7),
+            "emitter": lamp,
+        },
+    }
+
+
 def load(sampler):
-    box = mi.cornell_box()
-    box["integrator"] = {"type": "path", "max_depth": 6}
-    box["sensor"]["film"]["rfilter"] = {"type": "box"}
-    box["sensor"]["sampler"] = {"type": sampler}
-    return mi.load_dict(box)
+    scene = mi.cornell_box() if sys.argv[1] == "cornell" else sphere(sys.argv[1])
+    scene["integrator"] = {"type": "path", "max_depth": 6}
+    scene["sensor"]["film"]["rfilter"] = {"type": "box"}
+    scene["sensor"]["sampler"] = {"type": sampler}
+    return mi.load_dict(scene)
 
 
 scenes = {}
@@ -66,7 +96,7 @@ for line in sys.stdin:
         halves = np.load(file)
         reference = halves.mean(axis=0)
         noise = rel_mse((halves[0] - halves[1]) / 2, reference)
-        answer = {"noise": noise}
+        answer = {"noise": noise, "mean": float(reference.mean())}
     else:
         picture, seconds = render(words[0], int(words[1]), int(words[2]))
         answer = {"seconds": seconds}
