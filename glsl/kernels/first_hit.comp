@@ -26,7 +26,7 @@ void main() {
         depth = sqrt(surface.distance_squared) * dot(direction, film.camera.axis);
         material_index = surface.material;
     }
-    if (is_probe != 0u) {
+    if (variant == VARIANT_PROBE) {
         film.features.at[first_pixel + slot].depth = depth;
         film.features.at[first_pixel + slot].instance = hit.instance;
         film.features.at[first_pixel + slot].triangle = hit.triangle;

@@ -16,8 +16,8 @@ void main() {
     uint row = index / film.crop_size.x;
     uvec2 pixel = film.crop_origin + uvec2(index - row * film.crop_size.x, row);
     SampleKey key = sample_key(pixel, first_sample + (slot - place * samples_per_pixel), film.seed);
-    vec2 u_pixel = is_probe != 0u ? vec2(0.5) : sample_2d(key, DIMENSION_PIXEL);
-    vec2 u_lens = is_probe != 0u ? vec2(0.5) : sample_2d(key, DIMENSION_LENS);
+    vec2 u_pixel = variant == VARIANT_PROBE ? vec2(0.5) : sample_2d(key, DIMENSION_PIXEL);
+    vec2 u_lens = variant == VARIANT_PROBE ? vec2(0.5) : sample_2d(key, DIMENSION_LENS);
     CameraRay ray = camera_ray(vec2(pixel) + u_pixel, u_lens);
     pool.origin.at[slot] = vec4(ray.origin, 0.0);
     pool.direction.at[slot] = vec4(ray.direction, 0.0);

@@ -48,6 +48,9 @@ layout(buffer_reference, scalar, buffer_reference_align = 8) readonly buffer Fil
     uint padding;
 };
 
+// One ray through each pixel's centre, for depth and ids.
+const uint VARIANT_PROBE = 1u;
+
 layout(push_constant, scalar) uniform Pass {
     SceneTable scene;
     FilmTable film;
@@ -59,7 +62,7 @@ layout(push_constant, scalar) uniform Pass {
     uint pixel_count;
     uint first_sample;
     uint samples_per_pixel;  // of this batch: slot = pixel · samples_per_pixel + sample
-    uint is_probe;           // 1: one ray through each pixel's centre, for depth and ids
+    uint variant;            // of `shade`: which of the family's queues. Of others: VARIANT_PROBE, or 0
 };
 
 #endif

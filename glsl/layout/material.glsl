@@ -27,6 +27,9 @@ const uint MATERIAL_EMITS = 16u;            // `emission` is not black
 const uint MATERIAL_EMITS_BOTH_SIDES = 32u; // from the back of its triangles too
 const uint MATERIAL_COMPLEX_FRESNEL = 64u;  // a conductor by `eta` and `kappa`, not Schlick's with `color`
 
+// From this bit on: which of the queues of its family takes a NeuBRDF.
+const uint MATERIAL_PART_SHIFT = 8u;
+
 // How many entries a coat's table has.
 const uint COAT_TABLE_LENGTH = 256u;
 

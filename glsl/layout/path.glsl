@@ -36,14 +36,18 @@ const uint QUEUE_SHADE = 3u; // of the first family of materials that the scene 
 // Bit f is set where the scene has a material of family f.
 layout(constant_id = 5) const uint FAMILY_MASK = 1u;
 
-// The queue of a family: those that the scene lacks have none.
-uint queue_of_family(uint family) {
-    return QUEUE_SHADE + uint(bitCount(FAMILY_MASK & ((1u << family) - 1u)));
+// Queues of the family of NeuBRDFs: one a model, so that subgroups evaluate the same one. At least 1.
+layout(constant_id = 26) const uint NEUBRDF_QUEUES = 1u;
+
+// The queue of a family, and which of its queues: further ones come last. Families that the scene lacks have none.
+uint queue_of_family(uint family, uint part) {
+    uint families_before = part == 0u ? FAMILY_MASK & ((1u << family) - 1u) : FAMILY_MASK;
+    return QUEUE_SHADE + uint(bitCount(families_before)) + max(part, 1u) - 1u;
 }
 
 // Queues of a bounce.
 uint queue_count() {
-    return QUEUE_SHADE + uint(bitCount(FAMILY_MASK));
+    return QUEUE_SHADE + uint(bitCount(FAMILY_MASK)) + NEUBRDF_QUEUES - 1u;
 }
 
 // The arrays themselves; they travel in push constants, since a pointer that is read from memory costs CPU drivers as much as

@@ -78,7 +78,7 @@ void push_shadow_ray(bool wanted, ShadowRay ray, uint slot) {
 void pass_shade() {
     // All invocations shade, those beyond the queue's end its last path once more, and only what they store depends on it:
     // so most loads come before control flow begins.
-    uint queue = queue_of_family(FAMILY);
+    uint queue = queue_of_family(FAMILY, variant);
     uint length = queue_length(bounce, queue);
     bool has_path = gl_GlobalInvocationID.x < length;
     uint slot = queue_slot(queue, min(gl_GlobalInvocationID.x, length - 1u));

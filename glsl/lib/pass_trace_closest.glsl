@@ -17,18 +17,26 @@ void pass_trace_closest() {
     Hit hit = trace_closest(pool.origin.at[slot].xyz, pool.direction.at[slot].xyz, has_path ? INFINITY : -1.0);
     bool missed = has_path && hit.instance == NO_HIT;
     uint family = 32u;
+    uint part = 0u;
     if (has_path) {
         pool.hit_key.at[slot].xy = uvec2(hit.instance, hit.triangle);
     }
     if (hit.instance != NO_HIT) {
         MeshRecord mesh = MeshRecord(scene.meshes.at[scene.instances.at[hit.instance].mesh]);
-        family = ONE_FAMILY ? uint(findLSB(FAMILY_MASK))
-                            : material_family(scene.materials.at[material_of(mesh, hit.triangle)].flags);
+        family = uint(findLSB(FAMILY_MASK));
+        if (!ONE_FAMILY || NEUBRDF_QUEUES > 1u) {
+            uint flags = scene.materials.at[material_of(mesh, hit.triangle)].flags;
+            family = material_family(flags);
+            part = flags >> MATERIAL_PART_SHIFT;
+        }
     }
     for (uint f = 0u; f <= MATERIAL_FAMILY_MASK; ++f) {
         if ((FAMILY_MASK & (1u << f)) != 0u) {
-            queue_push(bounce, queue_of_family(f), family == f, slot);
+            queue_push(bounce, queue_of_family(f, 0u), family == f && part == 0u, slot);
         }
+    }
+    for (uint p = 1u; p < NEUBRDF_QUEUES; ++p) {
+        queue_push(bounce, queue_of_family(FAMILY_NEUBRDF, p), part == p, slot);
     }
     if (HAS_ENVIRONMENT) {
         queue_push(bounce, QUEUE_MISS, missed, slot);

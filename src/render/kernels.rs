@@ -6,6 +6,7 @@ use glam::{Affine3A, Vec3};
 
 use super::error::Error;
 use super::material_record::{Family, family};
+use super::neubrdf_table::neubrdf_queues;
 use super::settings::{Settings, Traversal};
 use crate::gpu::{self, Device, Kernel};
 use crate::scene::{LightTable, Scene};
@@ -24,6 +25,8 @@ pub struct KernelPlan {
 pub struct Features {
     /// Bit f: a material of family f is on a mesh.
     pub families: u32,
+    /// Queues of [`Family::NeuBrdf`], ≥ 1: one a model.
+    pub neubrdf_queues: u32,
     /// Some triangle emits.
     pub emitters: bool,
     /// There is a sky.
@@ -50,6 +53,7 @@ impl Features {
         let used = || scene.materials.iter().zip(&used).filter(|(_, used)| **used).map(|(material, _)| material);
         Features {
             families: used().fold(0, |mask, material| mask | 1 << family(&material.surface, &scene.brdfs) as u32),
+            neubrdf_queues: neubrdf_queues(&scene.brdfs),
             emitters: !lights.is_empty() && !lights.triangles.is_empty(),
             environment: lights.environment_texels > 0,
             sun: scene.sun.is_some_and(|sun| sun.irradiance != Vec3::ZERO),
@@ -67,6 +71,11 @@ impl Features {
     /// The place of a family among those that the scene has.
     pub fn place(&self, family: Family) -> u32 {
         (self.families & ((1 << family as u32) - 1)).count_ones()
+    }
+
+    /// How many queues of the family there are, if it is in the scene.
+    pub fn queues(&self, family: Family) -> u32 {
+        if family == Family::NeuBrdf { self.neubrdf_queues } else { 1 }
     }
 
     /// Whether there is light at all.
@@ -90,6 +99,7 @@ impl Features {
             flag(9, settings.features),
             flag(13, settings.light_sampling),
             (14, settings.bsdf_sampling as u32),
+            (26, self.neubrdf_queues),
         ];
         let [closest, shadow] = trace_kernels(traversal);
         let samples_lights = self.has_lights() && settings.max_depth > 1 && settings.light_sampling;

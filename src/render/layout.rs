@@ -111,7 +111,7 @@ crate::shared_structs! {
         pub pixel_count: u32,
         pub first_sample: u32,
         pub samples_per_pixel: u32,
-        pub is_probe: u32,
+        pub variant: u32,
     }
 
     /// `glsl/layout/error.glsl`: push constants of the error estimate.
@@ -151,6 +151,11 @@ crate::shared_structs! {
         /// Index into the scene's materials.
         pub material: u32,
     }
+}
+
+impl Pass {
+    /// `VARIANT_PROBE`
+    pub const PROBE: u32 = 1;
 }
 
 impl CameraRecord {

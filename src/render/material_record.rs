@@ -5,7 +5,7 @@ use std::sync::Arc;
 use glam::Vec2;
 
 use super::brdf_table;
-use super::neubrdf_table::{NeuBrdfShape, neubrdfs};
+use super::neubrdf_table::{NeuBrdfShape, neubrdf_queue, neubrdfs};
 use crate::material::{CoatAlbedo, INDEX_MATCH, Prepared, SMOOTH_ALPHA, color};
 use crate::scene::brdf::Precision;
 use crate::scene::{Brdf, Fresnel, Material, Surface};
@@ -124,6 +124,9 @@ impl MaterialRecord {
     /// Flag: a conductor by its complex index of refraction.
     pub const COMPLEX_FRESNEL: u32 = 64;
 
+    /// From this bit on [`MaterialRecord::flags`] holds which of its family's queues takes a NeuBRDF.
+    pub const PART_SHIFT: u32 = 8;
+
     /// All of a material but the address of its table.
     fn new(material: &Material, family: Family, prepared: &Prepared) -> MaterialRecord {
         let Material { surface, emission, .. } = material;
@@ -185,7 +188,11 @@ impl MaterialTable {
         let mut known: Vec<(Arc<Prepared>, Option<usize>)> = Vec::new();
         for (material, prepared) in materials.iter().zip(Prepared::all(materials, brdfs)) {
             let family = family(&material.surface, brdfs);
-            packed.records.push(MaterialRecord::new(material, family, &prepared));
+            let mut record = MaterialRecord::new(material, family, &prepared);
+            if let Surface::Measured { brdf } = material.surface {
+                record.flags |= neubrdf_queue(brdfs, brdf as usize) << MaterialRecord::PART_SHIFT;
+            }
+            packed.records.push(record);
             let position = known.iter().position(|(other, _)| Arc::ptr_eq(other, &prepared)).unwrap_or_else(|| {
                 let table = table(&material.surface, &prepared, brdfs, &neubrdf_shape);
                 let table = table.map(|table| packed.push_table(table));

@@ -125,6 +125,22 @@ pub fn neubrdfs<'a>(brdfs: impl IntoIterator<Item = &'a Brdf>) -> impl Iterator<
     brdfs.into_iter().filter_map(|brdf| if let Brdf::NeuBrdf(model) = brdf { Some(&**model) } else { None })
 }
 
+/// Most queues of paths that hit NeuBRDFs.
+const MOST_QUEUES: u32 = 16;
+
+/// How many queues a scene with these BRDFs needs for paths that hit NeuBRDFs, ≥ 1: a model each, unless there are too many.
+pub fn neubrdf_queues(brdfs: &[Arc<Brdf>]) -> u32 {
+    (neubrdfs(brdfs.iter().map(Arc::as_ref)).count() as u32).clamp(1, MOST_QUEUES)
+}
+
+/// Which of them takes those that hit BRDF `brdf`; 0 for all that are no NeuBRDF.
+pub fn neubrdf_queue(brdfs: &[Arc<Brdf>], brdf: usize) -> u32 {
+    match *brdfs[brdf] {
+        Brdf::NeuBrdf(_) => neubrdfs(brdfs[..brdf].iter().map(Arc::as_ref)).count() as u32 % MOST_QUEUES,
+        _ => 0,
+    }
+}
+
 /// Half precision where it holds all numbers of these BRDFs as they are, as it does where files are made so.
 pub fn neubrdf_precision(brdfs: &[Arc<Brdf>]) -> Precision {
     let fits = |number: &f32| f16::from_f32(*number).to_f32() == *number;

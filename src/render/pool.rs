@@ -18,8 +18,8 @@ pub enum Queue {
     Shadow,
     /// Paths that left the scene.
     Miss,
-    /// Paths that hit a material of a family.
-    Shade(Family),
+    /// Paths that hit a material of a family, and which of its queues takes them.
+    Shade(Family, u32),
 }
 
 /// The first of the families' queues.
@@ -27,17 +27,18 @@ const QUEUE_SHADE: u32 = 3;
 
 /// How many queues a bounce has.
 fn queue_count(features: &Features) -> u32 {
-    QUEUE_SHADE + features.families.count_ones()
+    QUEUE_SHADE + features.families.count_ones() + features.neubrdf_queues - 1
 }
 
 impl Queue {
-    /// Their order: `glsl/layout/path.glsl`. Families that the scene lacks have no queue.
+    /// Their order: `glsl/layout/path.glsl`. Families that the scene lacks have no queue; further ones of a family come last.
     fn index(self, features: &Features) -> u32 {
         match self {
             Queue::Trace => 0,
             Queue::Shadow => 1,
             Queue::Miss => 2,
-            Queue::Shade(family) => QUEUE_SHADE + features.place(family),
+            Queue::Shade(family, 0) => QUEUE_SHADE + features.place(family),
+            Queue::Shade(_, further) => QUEUE_SHADE + features.families.count_ones() + further - 1,
         }
     }
 }

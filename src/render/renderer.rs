@@ -215,7 +215,7 @@ impl Renderer {
     fn probe(&mut self) -> Result<(), Error> {
         let batches = batches(self.pixel_count(), 0, 1, self.pool.capacity());
         self.submit(&batches, false, |renderer, commands, batch| {
-            let pass = Pass { is_probe: 1, ..renderer.pass(batch) };
+            let pass = Pass { variant: Pass::PROBE, ..renderer.pass(batch) };
             let paths = [batch.pixels, 1];
             renderer.pool.record_reset(commands);
             commands.barrier();
@@ -273,7 +273,7 @@ impl Renderer {
             pixel_count: batch.pixels,
             first_sample: batch.first_sample,
             samples_per_pixel: batch.samples,
-            is_probe: 0,
+            variant: 0,
         }
     }
 
@@ -313,7 +313,10 @@ impl Renderer {
             }
             if scatters || self.features.emitters {
                 for family in Family::ALL.into_iter().filter(|family| self.features.has(*family)) {
-                    self.dispatch_queue(commands, shade_kernel(family), Queue::Shade(family), &pass);
+                    for variant in 0..self.features.queues(family) {
+                        let pass = Pass { variant, ..pass };
+                        self.dispatch_queue(commands, shade_kernel(family), Queue::Shade(family, variant), &pass);
+                    }
                 }
             }
             if scatters && self.features.has_lights() && self.settings.light_sampling {

@@ -324,7 +324,9 @@ fn shaders_agree_with_the_definitions() {
     on_both_drivers(|device, name| {
         let mut text = String::new();
         let mut holds = true;
-        for family in Family::ALL {
+        // SwiftShader's compiler takes gigabytes for NeuBRDFs with their sampling; tests/neubrdf_device.rs runs their evaluation there.
+        let is_fit = |family: &Family| *family != Family::NeuBrdf || name == LAVAPIPE;
+        for family in Family::ALL.into_iter().filter(is_fit) {
             let is_truth =
                 matches!(family, Family::Layered | Family::Woven | Family::Merl | Family::Rgl | Family::Sparse);
             let count = if is_truth { 80_000 } else { 250_000 };
@@ -391,7 +393,10 @@ fn shaders_sample_truths_as_the_density_says() {
 fn check_samples(evidence: &str, configurations: &[Configuration], steps: [usize; 2]) {
     on_both_drivers(|device, name| {
         let step = if name == LAVAPIPE { steps[0] } else { steps[1] };
-        let chosen: Vec<_> = configurations.iter().enumerate().step_by(step).collect();
+        let is_fit = |(_, configuration): &(usize, &Configuration)| {
+            name == LAVAPIPE || !configuration.brdfs.iter().any(|brdf| matches!(**brdf, Brdf::NeuBrdf(_)))
+        };
+        let chosen: Vec<_> = configurations.iter().enumerate().step_by(step).filter(is_fit).collect();
         let histogram = |&(index, configuration): &(usize, &Configuration)| {
             let mut random = Random(5000 + index as u64);
             let shader = Shader::new(device, std::slice::from_ref(&configuration.surface), &configuration.brdfs);
