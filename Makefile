@@ -6,12 +6,13 @@ OUT := target/demo
 
 .PHONY: demo test bench check study-fit install-test install-demo
 
-## Renders the preview scene to target/demo/preview.png (and .exr).
+## Renders the preview scene, in analytic and in neural materials, to target/demo/preview.png and neural.png (and .exr).
 demo: install-demo
 	$(CARGO) build --release $(FEATURES)
 	mkdir -p $(OUT)
 	target/release/neubrdf render scenes/preview/scene.toml --size 512x512 --spp 128 -o $(OUT)/preview.exr --png $(OUT)/preview.png
-	@echo "Look at $(OUT)/preview.png"
+	target/release/neubrdf render scenes/preview/neural.toml --size 512x512 --spp 128 -o $(OUT)/neural.exr --png $(OUT)/neural.png
+	@echo "Look at $(OUT)/preview.png and $(OUT)/neural.png"
 
 ## Runs every test: two Vulkan drivers, the validation layers, and the Embree reference.
 test: install-test

@@ -176,7 +176,17 @@ type = \"conductor\"
 metal = \"gold\"
 roughness = 0.35
 ";
-    save(folder, &[("scene.toml", toml), ("preview.mtl", mtl), ("preview.obj", &obj.text)])
+    let (view, _) = toml.split_once("\n[material.ball]").ok_or("no ball")?;
+    let neural = format!(
+        "{}\n[material.ball]\ntype = \"measured\"\nfile = \"../materials/paint_blue.neubrdf\"\n\n\
+         [material.ring]\ntype = \"measured\"\nfile = \"../materials/gold_satin.neubrdf\"\n\n\
+         [material.stand]\ntype = \"measured\"\nfile = \"../materials/lacquer_black.neubrdf\"\n",
+        view.replace(
+            "# To look at another material, change",
+            "# The same in neural materials. To look at another one, change"
+        )
+    );
+    save(folder, &[("scene.toml", toml), ("neural.toml", &neural), ("preview.mtl", mtl), ("preview.obj", &obj.text)])
 }
 
 /// What `scenes/materials` holds, each as a ground truth (`.toml`) and as the network that was trained on it (`.neubrdf`).
@@ -200,9 +210,9 @@ fn neural(folder: &Path) -> Outcome {
         "\
 # Balls of neural materials. Made by examples/make_scenes.rs.
 [camera]
-eye = [0, 4.6, 10.5]
-target = [0, 0.75, 0]
-fov = 26
+eye = [0, 6.2, 10.2]
+target = [0, 0.6, 0]
+fov = 25
 
 [film]
 width = 320

@@ -21,6 +21,8 @@ pub struct Profile {
     pub traversal_prefers_ray_query: bool,
     /// The device is the CPU (lavapipe, SwiftShader).
     pub is_cpu: bool,
+    /// Whether the driver's compiler survives the kernel that shades NeuBRDFs: SwiftShader's takes 15 GB and does not end.
+    pub compiles_neubrdf: bool,
 }
 
 /// A device's limits, by their Vulkan names.
@@ -77,6 +79,7 @@ impl DeviceReport {
             pool_paths: if is_cpu { 1 << 16 } else { 1 << 21 },
             traversal_prefers_ray_query: self.ray_query && !is_cpu,
             is_cpu,
+            compiles_neubrdf: !self.name.contains("SwiftShader"),
         }
     }
 

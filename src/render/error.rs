@@ -38,6 +38,14 @@ pub enum Error {
         /// The device's name.
         device: String,
     },
+    /// The scene has NeuBRDFs, and the driver's compiler does not survive their kernel.
+    #[error(
+        "the device {device} cannot compile the kernel that shades NeuBRDFs; choose another by --device, such as llvmpipe"
+    )]
+    NeuBrdf {
+        /// The device's name.
+        device: String,
+    },
     /// A mesh has more triangles than its tree can index.
     #[error("mesh '{mesh}' has {triangles} triangles, {most} at most: split it")]
     MeshSize {

@@ -72,6 +72,9 @@ impl Renderer {
                 expected: "on in a scene with a sun, which no path runs into",
             });
         }
+        if features.has(Family::NeuBrdf) && !device.profile().compiles_neubrdf {
+            return Err(Error::NeuBrdf { device: device.name().to_owned() });
+        }
         let workgroup_size = device.profile().workgroup_size;
         let device_scene = DeviceScene::upload(device, scene, &lights, &features, traversal)?;
         let kernels = Kernels::build(device, &features, traversal, settings, &device_scene.specialization())?;
