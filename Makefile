@@ -29,7 +29,9 @@ check: install-test
 ## (without it, it says how to get that). The long ones, each ten to twenty minutes more:
 ##   make bench RAYS=--scaling     builds spheres of 10^3 to 10^7 triangles
 ##   make bench SECTIONS=error     time to an error, against references of REFERENCE_SPP samples a pixel (4096)
-## SECTIONS takes any of: cornell passes cold memory error.
+##   make bench SECTIONS=sphere    the same for a ball of NeuBRDF
+## SECTIONS takes any of: cornell passes cold memory neubrdf error sphere. `cargo bench --features embree --bench sampling` prints the variance of
+## sampling measured materials.
 RAYS :=
 SECTIONS := cornell passes cold memory
 bench: install-test

@@ -1,6 +1,6 @@
 //! What a render costs: `cargo bench --features embree --bench render -- [SECTION]...`
 //!
-//! Sections: `cornell`, `passes`, `cold`, `memory` (these four without an argument), `neubrdf` and `error`, which renders references
+//! Sections: `cornell`, `passes`, `cold`, `memory` (these four without an argument), `neubrdf`, and `error` and `sphere`, which render references
 //! of thousands of samples a pixel (kept in target/bench; REFERENCE_SPP says how many, 4096 otherwise; SEEDS how many renders, 3 otherwise). Tables go to standard output, in Markdown; docs/performance.md explains them.
 
 mod cold;
