@@ -116,12 +116,7 @@ fn preview(folder: &Path) -> Outcome {
         _ => vec3(0.0, 2.0 + 20.0 * (t - 0.75), -4.0),
     };
     obj.sheet(1, 24, 1.0, |u, v| profile(v) + vec3(14.0 * (u - 0.5), 0.0, 0.0), true);
-    let light = |center: Vec3, size: f32| {
-        let normal = (vec3(0.0, 1.0, 0.0) - center).normalize();
-        let x = Vec3::Y.cross(normal).normalize();
-        let y = normal.cross(x);
-        [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]].map(|[a, b]| center + size * (a * x + b * y))
-    };
+    let light = |center, size| square_facing(vec3(0.0, 1.0, 0.0), center, size);
     obj.object("key light", "key");
     obj.quad(light(vec3(-3.5, 4.0, 3.0), 1.2));
     obj.object("fill light", "fill");
@@ -189,6 +184,14 @@ roughness = 0.35
     save(folder, &[("scene.toml", toml), ("neural.toml", &neural), ("preview.mtl", mtl), ("preview.obj", &obj.text)])
 }
 
+/// The corners of a square that faces a point: its middle, and half its side.
+fn square_facing(point: Vec3, center: Vec3, size: f32) -> [Vec3; 4] {
+    let normal = (point - center).normalize();
+    let x = Vec3::Y.cross(normal).normalize();
+    let y = normal.cross(x);
+    [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]].map(|[a, b]| center + size * (a * x + b * y))
+}
+
 /// What `scenes/materials` holds, each as a ground truth (`.toml`) and as the network that was trained on it (`.neubrdf`).
 const NEURAL_MATERIALS: [&str; 10] = [
     "gold_satin",
@@ -233,12 +236,7 @@ file = \"neural.obj\"
     }
     obj.object("floor", "floor");
     obj.sheet(1, 1, 1.0, |u, v| vec3(40.0 * (u - 0.5), 0.0, 40.0 * (0.5 - v)), false);
-    let light = |center: Vec3, size: f32| {
-        let normal = (vec3(0.0, 0.8, 0.0) - center).normalize();
-        let x = Vec3::Y.cross(normal).normalize();
-        let y = normal.cross(x);
-        [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]].map(|[a, b]| center + size * (a * x + b * y))
-    };
+    let light = |center, size| square_facing(vec3(0.0, 0.8, 0.0), center, size);
     obj.object("key light", "key");
     obj.quad(light(vec3(-5.0, 7.0, 5.0), 1.3));
     obj.object("fill light", "fill");
