@@ -1,60 +1,25 @@
 //! Time to an error of a sphere of NeuBRDF, ours and Mitsuba's: the same network, of the paper's size, with random weights.
 
-use anyhow::{Context, Result};
+use anyhow::Result;
 use glam::{Affine3A, Vec3};
-use neubrdf::scene::brdf::{CornerWeights, Dense, Encoding, NeuBrdf, SphereGrid, SphereTable};
+use neubrdf::scene::brdf::{CornerWeights, Dense, NeuBrdf, SphereTable};
 use neubrdf::scene::{Brdf, Camera, Color, Environment, Film, Instance, Material, Mesh, SamplingLobe, Scene, Surface};
 use serde_json::{Value, json};
 use std::sync::Arc;
 
 use crate::error::{cache_directory, climb};
+use crate::random_neubrdf::{Shape, random_neubrdf};
 
-const N_SIDE: u32 = 64;
-const FEATURES: u32 = 16;
-const CODES: usize = 256;
-const LAYERS: [u32; 5] = [2 * FEATURES, 64, 64, 64, 3];
 /// The lobe is picked half of the time.
 const ALPHA: f32 = 0.2;
 
 pub fn run() -> Result<()> {
-    let brdf = random_network().context("no such grid")?;
+    let shape = Shape { corner_weights: CornerWeights::Uniform, ..Shape::FULL };
+    let lobe = SamplingLobe { alpha: [[ALPHA; 2]; 2], weight: [[0.5, 0.0]; SamplingLobe::NODES] };
+    let brdf = NeuBrdf { lobe, ..random_neubrdf(shape, 1) };
     let file = cache_directory()?.join("sphere.json");
     std::fs::write(&file, for_mitsuba(&brdf).to_string())?;
     climb("sphere", &scene(brdf), &file)
-}
-
-/// Weights of a spread that keeps signals alive from layer to layer; values of about 0.2.
-fn random_network() -> Option<NeuBrdf> {
-    let mut random = Random(1);
-    let grid = SphereGrid::new(N_SIDE)?;
-    let mut table = || SphereTable {
-        grid,
-        features: FEATURES,
-        codes: (0..CODES * FEATURES as usize).map(|_| random.normal()).collect(),
-        indices: (0..grid.point_count()).map(|_| (random.unit() * CODES as f32) as u16).collect(),
-        levels: Vec::new(),
-    };
-    let (wi, wo) = (table(), table());
-    let layer = |shape: &[u32]| {
-        let [inputs, outputs] = [shape[0], shape[1]];
-        let (spread, bias) = if outputs == 3 { (0.02, 0.0) } else { ((2.0 / inputs as f32).sqrt(), 0.1) };
-        Dense {
-            inputs,
-            outputs,
-            weights: (0..inputs * outputs).map(|_| spread * random.normal()).collect(),
-            bias: (0..outputs).map(|_| if outputs == 3 { 0.15 } else { bias * random.normal() }).collect(),
-        }
-    };
-    Some(NeuBrdf {
-        is_isotropic: false,
-        corner_weights: CornerWeights::Uniform,
-        wi,
-        wo,
-        layers: LAYERS.windows(2).map(layer).collect(),
-        encoding: Encoding { gain: 1.0, scale: 1.0, max: 1e4 },
-        lobe: SamplingLobe { alpha: [[ALPHA; 2]; 2], weight: [[0.5, 0.0]; SamplingLobe::NODES] },
-        provenance: Default::default(),
-    })
 }
 
 /// As benches/mitsuba_neubrdf.py reads it.
@@ -62,8 +27,8 @@ fn for_mitsuba(brdf: &NeuBrdf) -> Value {
     let table = |table: &SphereTable| json!({ "codes": table.codes, "indices": table.indices });
     let layer = |layer: &Dense| json!({ "weights": layer.weights, "bias": layer.bias });
     json!({
-        "n_side": N_SIDE,
-        "features": FEATURES,
+        "n_side": brdf.wi.grid.n_side(),
+        "features": brdf.wi.features,
         "alpha": ALPHA,
         "wi": table(&brdf.wi),
         "wo": table(&brdf.wo),
@@ -136,18 +101,4 @@ fn ball(center: Vec3) -> Mesh {
         }
     }
     mesh
-}
-
-struct Random(u64);
-
-impl Random {
-    fn unit(&mut self) -> f32 {
-        self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-        (self.0 >> 40) as f32 / (1 << 24) as f32
-    }
-
-    /// Standard normal, by the sum of twelve.
-    fn normal(&mut self) -> f32 {
-        (0..12).map(|_| self.unit()).sum::<f32>() - 6.0
-    }
 }
