@@ -128,7 +128,10 @@ fn load(path: &Path) -> Result<(), String> {
     let (scene, _) = outcome.map_err(|error| error.to_string())?;
     assert_valid(&scene);
     let table = LightTable::new(&scene);
-    assert!(table.total_power.is_finite() && table.alias.iter().all(|(stay, _)| (0.0..=1.0).contains(stay)));
+    assert!(
+        [table.emitter_density, table.environment_density].iter().all(|density| density.is_finite())
+            && table.alias.iter().all(|(stay, _)| (0.0..=1.0).contains(stay))
+    );
     Ok(())
 }
 

@@ -64,8 +64,8 @@ layout(buffer_reference, scalar, buffer_reference_align = 8) readonly buffer Sce
     uint emitter_count;
     uvec2 environment_size;      // texels around, texels from zenith to nadir
     vec2 environment_rotation;   // cos and sin of the sky's turn about +y
-    float light_density;         // π over the total power of all lights: times Y(emission) it is the density per area of a point on an emitter
-    float environment_density;   // the same times R²: times Y(radiance) it is the density per solid angle of a direction to the sky
+    float emitter_density;       // times Y(emission) and sides: density per area of a point on an emitter
+    float environment_density;   // times Y(radiance): density per solid angle of a direction to the sky
     float sun_probability;
     vec3 sun_direction;
     vec3 sun_irradiance;

@@ -1,5 +1,6 @@
-// Lights: emissive triangles, sky texels and the sun, picked by power through one alias table. The densities have closed forms
-// (src/scene/light.rs), so that neither a light nor a hit looks anything up to know them.
+// Lights: emissive triangles, sky texels and the sun, through one alias table. Each of these kinds has the same share of the
+// samples and is picked from by power. The densities have closed forms (src/scene/light.rs), so that neither a light nor a hit
+// looks anything up to know them.
 #ifndef LIB_LIGHT
 #define LIB_LIGHT
 
@@ -28,13 +29,13 @@ struct Lights {
     uvec2 emitters;    // an EmitterArray
     uint count;
     uint emitter_count;
-    float density;
+    float emitter_density;
     float environment_density;
 };
 
 Lights lights_of(SceneTable scene) {
     return Lights(uvec2(scene.light_alias), uvec2(scene.emitters), scene.light_count, scene.emitter_count,
-                  scene.light_density, scene.environment_density);
+                  scene.emitter_density, scene.environment_density);
 }
 
 float luminance(vec3 color) {
@@ -48,7 +49,7 @@ float mis_weight(float pdf, float other_pdf) {
 
 // Density per unit solid angle of light-sampling a point on an emitter, `distance_squared` away at |cos| `cosine`.
 float emitter_pdf(Lights lights, vec3 emission, bool both_sides, float distance_squared, float cosine) {
-    return lights.density * luminance(emission) * (both_sides ? 2.0 : 1.0) * distance_squared / cosine;
+    return lights.emitter_density * luminance(emission) * (both_sides ? 2.0 : 1.0) * distance_squared / cosine;
 }
 
 float environment_pdf(Lights lights, vec3 radiance) {

@@ -1,9 +1,5 @@
-//! Light sampling: one light by power, a point or direction on it uniformly.
-//!
-//! The powers are those of [`LightTable`](crate::scene::LightTable), computed here once more; the densities are its
-//! closed forms.
-
-use std::f64::consts::PI;
+//! Light sampling: one of the kinds of light that the scene has, one light of it by power, a point or direction on that
+//! uniformly. The same densities as of [`LightTable`](crate::scene::LightTable), found in another way.
 
 use glam::{DVec2, DVec3};
 
@@ -15,10 +11,19 @@ use crate::scene::{Material, Scene};
 /// All lights of a scene.
 pub struct Lights {
     triangles: Vec<EmissiveTriangle>,
-    /// The power of each light and all before it: triangles, texels, sun.
-    cumulated: Vec<f64>,
-    /// πR², R the radius of the scene: what distant light falls on.
-    disk: f64,
+    /// The power, over π, of each triangle and all before it.
+    emitted: Vec<f64>,
+    /// The luminance times solid angle of each texel and all before it.
+    from_sky: Vec<f64>,
+    /// Those that shine.
+    kinds: Vec<Kind>,
+}
+
+#[derive(Clone, Copy)]
+enum Kind {
+    Emitters,
+    Sky,
+    Sun,
 }
 
 struct EmissiveTriangle {
@@ -62,10 +67,29 @@ pub enum Source {
     Direction(DVec3),
 }
 
-/// Power of an emitter per unit area: π·Y·sides.
+/// Power of an emitter per unit area, over π: Y·sides.
 fn area_weight(material: &Material) -> f64 {
     let sides = if material.emits_both_sides { 2.0 } else { 1.0 };
-    PI * luminance(material.emission.as_dvec3()) * sides
+    luminance(material.emission.as_dvec3()) * sides
+}
+
+fn cumulated(weights: impl Iterator<Item = f64>) -> Vec<f64> {
+    weights
+        .scan(0.0, |sum, weight| {
+            *sum += weight;
+            Some(*sum)
+        })
+        .collect()
+}
+
+/// Index of the weight that u in [0, 1) falls on.
+fn pick(cumulated: &[f64], u: f64) -> usize {
+    let target = u * total(cumulated);
+    cumulated.partition_point(|sum| *sum <= target).min(cumulated.len() - 1)
+}
+
+fn total(cumulated: &[f64]) -> f64 {
+    cumulated.last().copied().unwrap_or(0.0)
 }
 
 impl Lights {
@@ -89,90 +113,79 @@ impl Lights {
             }
         }
 
-        let disk = PI * f64::from(scene.bounds().radius()).powi(2);
-        let mut powers: Vec<f64> = triangles.iter().map(|triangle| triangle.weight * triangle.area()).collect();
-        if let Some(sky) = &scene.environment {
-            for (row, texels) in sky.texels.chunks_exact(sky.width as usize).enumerate() {
-                let weight = disk * sky.solid_angle(row as u32);
-                powers.extend(texels.iter().map(|radiance| weight * luminance(radiance.as_dvec3())));
-            }
-        }
-        powers.extend(scene.sun.map(|sun| disk * luminance(sun.irradiance.as_dvec3())));
-
-        let cumulated = powers
-            .iter()
-            .scan(0.0, |sum, power| {
-                *sum += power;
-                Some(*sum)
-            })
-            .collect();
-        Lights { triangles, cumulated, disk }
+        let emitted = cumulated(triangles.iter().map(|triangle| triangle.weight * triangle.area()));
+        let from_sky = cumulated(scene.environment.iter().flat_map(|sky| {
+            sky.texels
+                .iter()
+                .enumerate()
+                .map(|(texel, radiance)| sky.solid_angle(texel as u32 / sky.width) * luminance(radiance.as_dvec3()))
+        }));
+        let sun = scene.sun.map_or(0.0, |sun| luminance(sun.irradiance.as_dvec3()));
+        let weights = [(Kind::Emitters, total(&emitted)), (Kind::Sky, total(&from_sky)), (Kind::Sun, sun)];
+        let kinds = weights.into_iter().filter(|(_, weight)| *weight > 0.0).map(|(kind, _)| kind).collect();
+        Lights { triangles, emitted, from_sky, kinds }
     }
 
-    fn total_power(&self) -> f64 {
-        self.cumulated.last().copied().unwrap_or(0.0)
+    /// Of the samples, that each kind gets.
+    fn share(&self) -> f64 {
+        1.0 / self.kinds.len() as f64
     }
 
     /// Picks light for a point; `None` where it picks a back, or there is no light.
     pub fn sample(&self, scene: &Scene, point: DVec3, random: &mut Random) -> Option<LightSample> {
-        let total = self.total_power();
-        if total <= 0.0 {
-            return None;
+        let kind = *self.kinds.get((random.uniform() * self.kinds.len() as f64) as usize)?;
+        match kind {
+            Kind::Emitters => self.sample_emitter(point, random),
+            Kind::Sky => self.sample_sky(scene, random),
+            Kind::Sun => scene.sun.map(|sun| LightSample {
+                source: Source::Direction(sun.direction.as_dvec3().normalize()),
+                radiance: sun.irradiance.as_dvec3(),
+                pdf: self.share(),
+                is_delta: true,
+            }),
         }
-        let target = random.uniform() * total;
-        let index = self.cumulated.partition_point(|sum| *sum <= target).min(self.cumulated.len() - 1);
+    }
+
+    fn sample_emitter(&self, point: DVec3, random: &mut Random) -> Option<LightSample> {
+        let triangle = &self.triangles[pick(&self.emitted, random.uniform())];
         let u = DVec2::new(random.uniform(), random.uniform());
+        let root = u.x.sqrt();
+        let position = triangle.corner + (root * (1.0 - u.y)) * triangle.edge1 + (root * u.y) * triangle.edge2;
+        let to_light = position - point;
+        let distance_squared = to_light.length_squared();
+        let cosine = -to_light.dot(triangle.normal) / distance_squared.sqrt();
+        (cosine > 0.0 || triangle.both_sides && cosine < 0.0).then(|| LightSample {
+            source: Source::Point { position, error: triangle.error, normal: triangle.normal },
+            radiance: triangle.radiance,
+            pdf: self.share() * triangle.weight / total(&self.emitted) * distance_squared / cosine.abs(),
+            is_delta: false,
+        })
+    }
 
-        if let Some(triangle) = self.triangles.get(index) {
-            let root = u.x.sqrt();
-            let position = triangle.corner + (root * (1.0 - u.y)) * triangle.edge1 + (root * u.y) * triangle.edge2;
-            let to_light = position - point;
-            let distance_squared = to_light.length_squared();
-            let cosine = -to_light.dot(triangle.normal) / distance_squared.sqrt();
-            if !(cosine > 0.0 || triangle.both_sides && cosine < 0.0) {
-                return None;
-            }
-            return Some(LightSample {
-                source: Source::Point { position, error: triangle.error, normal: triangle.normal },
-                radiance: triangle.radiance,
-                pdf: triangle.weight / total * distance_squared / cosine.abs(),
-                is_delta: false,
-            });
-        }
-
-        let texel = index - self.triangles.len();
-        if let Some(sky) = &scene.environment
-            && let Some(radiance) = sky.texels.get(texel)
-        {
-            let (column, row) = (texel as u32 % sky.width, texel as u32 / sky.width);
-            let radiance = radiance.as_dvec3();
-            return Some(LightSample {
-                source: Source::Direction(sky.direction([column, row], u)),
-                radiance,
-                pdf: self.disk * luminance(radiance) / total,
-                is_delta: false,
-            });
-        }
-
-        let sun = scene.sun?;
-        let irradiance = sun.irradiance.as_dvec3();
+    fn sample_sky(&self, scene: &Scene, random: &mut Random) -> Option<LightSample> {
+        let sky = scene.environment.as_ref()?;
+        let texel = pick(&self.from_sky, random.uniform());
+        let u = DVec2::new(random.uniform(), random.uniform());
+        let radiance = sky.texels[texel].as_dvec3();
+        let (column, row) = (texel as u32 % sky.width, texel as u32 / sky.width);
         Some(LightSample {
-            source: Source::Direction(sun.direction.as_dvec3().normalize()),
-            radiance: irradiance,
-            pdf: self.disk * luminance(irradiance) / total,
-            is_delta: true,
+            source: Source::Direction(sky.direction([column, row], u)),
+            radiance,
+            pdf: self.environment_pdf(radiance),
+            is_delta: false,
         })
     }
 
     /// The density, per unit solid angle, with which [`Lights::sample`] picks a point of an emitter that is seen at an angle of
     /// `cosine` to its normal.
     pub fn emitter_pdf(&self, material: &Material, distance_squared: f64, cosine: f64) -> f64 {
-        area_weight(material) / self.total_power() * distance_squared / cosine.abs()
+        self.share() * area_weight(material) / total(&self.emitted) * distance_squared / cosine.abs()
     }
 
     /// The density, per unit solid angle, with which [`Lights::sample`] picks a direction that `radiance` comes from.
     pub fn environment_pdf(&self, radiance: DVec3) -> f64 {
-        if self.total_power() > 0.0 { self.disk * luminance(radiance) / self.total_power() } else { 0.0 }
+        let from_sky = total(&self.from_sky);
+        if from_sky > 0.0 { self.share() * luminance(radiance) / from_sky } else { 0.0 }
     }
 }
 

@@ -1,6 +1,5 @@
 //! A scene in device memory: geometry, materials, textures and lights behind one table of pointers.
 
-use std::f64::consts::PI;
 use std::sync::Arc;
 
 use glam::{Affine3A, Vec3};
@@ -13,7 +12,7 @@ use super::material_record::MaterialTable;
 use super::neubrdf_table::{NeuBrdfShape, neubrdf_precision};
 use super::settings::Traversal;
 use crate::gpu::{Buffer, Device, Tlas};
-use crate::scene::{Environment, LightTable, Scene, luminance};
+use crate::scene::{Environment, LightTable, Scene};
 
 /// The uploaded scene.
 pub struct DeviceScene {
@@ -71,12 +70,9 @@ impl DeviceScene {
             environment = keep(Buffer::with_data(device, "environment", &sky.texels)?);
         }
 
-        let radius = f64::from(lights.scene_radius);
-        let density = if lights.total_power > 0.0 { PI / lights.total_power } else { 0.0 };
         let sky = scene.environment.as_ref();
         let turn = sky.map_or(0.0, |sky| sky.rotation_degrees).to_radians();
         let sun = scene.sun;
-        let irradiance = sun.map_or(Vec3::ZERO, |sun| sun.irradiance);
         let table = SceneTable {
             instances: geometry.instances_address(),
             meshes: geometry.meshes_address(),
@@ -90,12 +86,12 @@ impl DeviceScene {
             emitter_count: lights.triangles.len() as u32,
             environment_size: sky.map_or([0, 0], |sky: &Environment| [sky.width, sky.height]),
             environment_rotation: [turn.cos(), turn.sin()],
-            light_density: density as f32,
-            environment_density: (density * radius * radius) as f32,
-            sun_probability: (density * radius * radius * f64::from(luminance(irradiance))) as f32,
+            emitter_density: lights.emitter_density as f32,
+            environment_density: lights.environment_density as f32,
+            sun_probability: lights.sun_probability as f32,
             sun_direction: sun.map_or(Vec3::ZERO, |sun| sun.direction).to_array(),
-            sun_irradiance: irradiance.to_array(),
-            reach: 2.5 * lights.scene_radius + 1e-30,
+            sun_irradiance: sun.map_or(Vec3::ZERO, |sun| sun.irradiance).to_array(),
+            reach: 2.5 * scene.bounds().radius() + 1e-30,
         };
         let table = Buffer::with_data(device, "scene table", &[table])?;
         Ok(DeviceScene { geometry, table, neubrdf_shape, _buffers: buffers })

@@ -65,7 +65,7 @@ crate::shared_structs! {
         pub emitter_count: u32,
         pub environment_size: [u32; 2],
         pub environment_rotation: [f32; 2],
-        pub light_density: f32,
+        pub emitter_density: f32,
         pub environment_density: f32,
         pub sun_probability: f32,
         pub sun_direction: [f32; 3],

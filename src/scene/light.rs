@@ -1,13 +1,16 @@
 //! Lights and the table that picks one of them by power.
 //!
 //! The table's entries are, in this order, every emissive triangle of every instance, every texel of the environment,
-//! and the sun. An entry is picked with probability proportional to its power, so that the densities which multiple
-//! importance sampling needs have closed forms, with `P` the table's [`total_power`](LightTable::total_power) and
-//! `Y` the luminance:
+//! and the sun. Each of these three kinds that shines gets the same share of the samples: what a lamp and the sky do to
+//! the surfaces in view does not follow from their powers, as a scene may reach far beyond the view. Within a kind an entry is
+//! picked with probability proportional to its power, so that the densities which multiple importance sampling needs have
+//! closed forms, with `Y` the luminance:
 //!
-//! - a point on an emissive triangle, per unit area: `π·Y(emission)·sides / P`;
-//! - a direction to the environment, per unit solid angle: `π·R²·Y(radiance) / P`, with `R` the scene's bounding radius;
-//! - the sun: the probability `π·R²·Y(irradiance) / P`.
+//! - a point on an emissive triangle, per unit area:
+//!   [`emitter_density`](LightTable::emitter_density)` · Y(emission) · sides`;
+//! - a direction to the environment, per unit solid angle:
+//!   [`environment_density`](LightTable::environment_density)` · Y(radiance)`;
+//! - the sun: the probability [`sun_probability`](LightTable::sun_probability).
 
 use glam::{DVec2, DVec3, Vec3};
 use std::f64::consts::{PI, TAU};
@@ -16,6 +19,9 @@ use super::Scene;
 
 /// Largest radiance and irradiance that a scene may hold, so that sums of them stay finite in `f32`.
 pub(super) const BRIGHTEST: f32 = 1e12;
+
+/// Light of a kind that amounts to less is not sampled, so that densities are finite in `f32`; paths may still run into it.
+const FAINTEST: f64 = 1e-36;
 
 /// A lat-long environment: radiance constant over each texel, so that sampling it by texel is exact.
 ///
@@ -51,10 +57,12 @@ pub struct LightTable {
     pub environment_texels: u32,
     /// Walker's alias method: entry i stays with probability `.0`, else gives way to entry `.1`.
     pub alias: Vec<(f32, u32)>,
-    /// Sum of all powers, W; 0 for a scene without light.
-    pub total_power: f64,
-    /// Radius R of the scene's bounding sphere that the power of distant lights is taken over.
-    pub scene_radius: f32,
+    /// Times luminance and sides: density per area of a point on an emissive triangle. 0 without any.
+    pub emitter_density: f64,
+    /// Times luminance: density per solid angle of a direction to the environment. 0 without one.
+    pub environment_density: f64,
+    /// With which the sun is picked. 0 without one.
+    pub sun_probability: f64,
 }
 
 /// What an entry of the [`LightTable`] stands for.
@@ -139,11 +147,8 @@ fn turn_about_y(v: DVec3, radians: f64) -> DVec3 {
 impl LightTable {
     /// The table of a scene, in time linear in its triangles and texels.
     pub fn new(scene: &Scene) -> LightTable {
-        let scene_radius = scene.bounds().radius();
-        let disk = PI * f64::from(scene_radius).powi(2);
-
         let mut triangles = Vec::new();
-        let mut powers = Vec::new();
+        let mut weights = Vec::new();
         for (instance, &super::Instance { mesh, object_to_world }) in scene.instances.iter().enumerate() {
             let mesh = &scene.meshes[mesh as usize];
             if !mesh.materials.iter().any(|&material| scene.materials[material as usize].is_emissive()) {
@@ -156,10 +161,11 @@ impl LightTable {
                     let area = (b - a).cross(c - a).length() / 2.0;
                     let sides = if material.emits_both_sides { 2.0 } else { 1.0 };
                     triangles.push([instance as u32, triangle as u32]);
-                    powers.push(PI * f64::from(luminance(material.emission)) * area * sides);
+                    weights.push(f64::from(luminance(material.emission)) * area * sides);
                 }
             }
         }
+        let emitted: f64 = weights.iter().sum();
 
         let mut environment_texels = 0;
         if let Some(environment) = &scene.environment
@@ -167,14 +173,29 @@ impl LightTable {
         {
             environment_texels = environment.width * environment.height;
             for (row, texels) in environment.texels.chunks_exact(environment.width as usize).enumerate() {
-                let scale = disk * environment.solid_angle(row as u32);
-                powers.extend(texels.iter().map(|&radiance| scale * f64::from(luminance(radiance))));
+                let solid_angle = environment.solid_angle(row as u32);
+                weights.extend(texels.iter().map(|&radiance| solid_angle * f64::from(luminance(radiance))));
             }
         }
-        powers.extend(scene.sun.map(|sun| disk * f64::from(luminance(sun.irradiance))));
+        let from_sky: f64 = weights[triangles.len()..].iter().sum();
+        let sun = scene.sun.map(|sun| f64::from(luminance(sun.irradiance)));
+        weights.extend(sun);
 
-        let total_power = powers.iter().sum();
-        LightTable { triangles, environment_texels, alias: alias_table(&powers), total_power, scene_radius }
+        let kinds = [emitted, from_sky, sun.unwrap_or(0.0)];
+        let share = 1.0 / kinds.iter().filter(|weight| **weight > FAINTEST).count() as f64;
+        let density = kinds.map(|weight| if weight > FAINTEST { share / weight } else { 0.0 });
+        let [emitters, others] = [triangles.len(), triangles.len() + environment_texels as usize];
+        for (entry, weight) in weights.iter_mut().enumerate() {
+            *weight *= density[usize::from(entry >= emitters) + usize::from(entry >= others)];
+        }
+        LightTable {
+            triangles,
+            environment_texels,
+            alias: alias_table(&weights),
+            emitter_density: density[0],
+            environment_density: density[1],
+            sun_probability: density[2] * kinds[2],
+        }
     }
 
     /// Number of entries; 0 for a scene without light.
@@ -312,7 +333,7 @@ mod tests {
 
     /// The closed forms of the module's head, on every entry.
     #[test]
-    fn entries_are_picked_by_their_power() {
+    fn kinds_share_the_samples_and_entries_are_picked_by_their_power() {
         let scene = scene_with_all_lights();
         let table = LightTable::new(&scene);
         assert_eq!(table.triangles, [[0, 0], [0, 2], [1, 0], [1, 2]]);
@@ -320,22 +341,25 @@ mod tests {
         assert_eq!(table.len(), 4 + 12 + 1);
 
         let environment = scene.environment.as_ref().unwrap();
-        let disk = PI * f64::from(scene.bounds().radius()).powi(2);
         let areas = [0.5, 1.0, 2.0, 4.0];
-        let total: f64 = {
-            let triangles = PI * (3.0 * (0.5 + 2.0) + 2.0 * 5.0 * (1.0 + 4.0));
-            let sky: f64 = (0..12).map(|i| f64::from(i) * environment.solid_angle(i / 4)).sum();
-            triangles + disk * (sky + 2.0)
-        };
-        assert_close(table.total_power, total);
+        let emitted = 3.0 * (0.5 + 2.0) + 2.0 * 5.0 * (1.0 + 4.0);
+        let from_sky: f64 = (0..12).map(|i| f64::from(i) * environment.solid_angle(i / 4)).sum();
         for (entry, probability) in implied(&table.alias).into_iter().enumerate() {
-            let power = match table.light(entry, environment.width) {
-                Light::Triangle { triangle: 0, .. } => PI * 3.0 * areas[entry],
-                Light::Triangle { .. } => PI * 5.0 * 2.0 * areas[entry],
-                Light::Texel { column, row } => disk * f64::from(row * 4 + column) * environment.solid_angle(row),
-                Light::Sun => disk * 2.0,
+            let (of_its_kind, density) = match table.light(entry, environment.width) {
+                Light::Triangle { triangle: 0, .. } => {
+                    (3.0 * areas[entry] / emitted, table.emitter_density * 3.0 * areas[entry])
+                }
+                Light::Triangle { .. } => {
+                    (10.0 * areas[entry] / emitted, table.emitter_density * 5.0 * 2.0 * areas[entry])
+                }
+                Light::Texel { column, row } => {
+                    let light = f64::from(row * 4 + column) * environment.solid_angle(row);
+                    (light / from_sky, table.environment_density * light)
+                }
+                Light::Sun => (1.0, table.sun_probability),
             };
-            assert_close(probability, power / total);
+            assert_close(probability, of_its_kind / 3.0);
+            assert_close(density, probability);
         }
     }
 
@@ -359,7 +383,7 @@ mod tests {
         scene.sun = None;
         let table = LightTable::new(&scene);
         assert!(table.is_empty());
-        assert_eq!(table.total_power, 0.0);
+        assert_eq!([table.emitter_density, table.environment_density, table.sun_probability], [0.0; 3]);
     }
 
     #[test]
