@@ -9,6 +9,7 @@ use std::sync::Arc;
 use common::*;
 use glam::Vec3;
 use neubrdf::converge::Metrics;
+use neubrdf::gpu::{Device, DeviceChoice, Instance, Validation};
 use neubrdf::image::{Crop, Picture, plane};
 use neubrdf::render::{Checkpoint, Features, Limits, Options, Renderer, Sampler, Settings, Stopped, Traversal, run};
 use neubrdf::scene::{Brdf, Environment, LightTable, Scene, Sun, Surface};
@@ -42,6 +43,28 @@ fn a_pool_of_one_path_renders() {
     let one = render(&driver.device, &scene, &settings(), &Options { pool_paths: Some(1), ..bvh() }, 3);
     assert!(one == render(&driver.device, &scene, &settings(), &bvh(), 3));
     driver.finish();
+}
+
+/// Times are then missing, and nothing else.
+#[test]
+fn a_queue_without_timestamps_renders_the_same_bits() {
+    let instance = match Instance::new(Validation::Sync) {
+        Ok(instance) => instance,
+        Err(error) => return eprintln!("skipped: {error}"),
+    };
+    let lavapipe = DeviceChoice::Named(LAVAPIPE.into());
+    let open = |bits| instance.open_as(&lavapipe, |report| report.limits.timestamp_valid_bits = bits);
+    let (Ok(with), Ok(without)) = (open(64), open(0)) else { return eprintln!("skipped: no {LAVAPIPE}") };
+    let scene = still_life(diffuse(0.5));
+    let timed = |device: &Arc<Device>| {
+        let mut renderer = Renderer::new(device, &scene, &settings(), &bvh()).unwrap();
+        (renderer.time_pass(2).unwrap(), bits(&renderer.picture().unwrap().0))
+    };
+    let ((some, expected), (none, found)) = (timed(&with), timed(&without));
+    assert!(!some.is_empty() && none.is_empty(), "{some:?} {none:?}");
+    assert_eq!(found, expected);
+    drop((with, without));
+    assert_eq!(instance.validation_messages(), Vec::<String>::new());
 }
 
 #[test]

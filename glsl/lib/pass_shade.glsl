@@ -12,7 +12,7 @@
 #include "lib/texture.glsl"
 
 // Bounces that always survive.
-const uint ROULETTE_AFTER = 3u;
+layout(constant_id = 27) const uint ROULETTE_AFTER = 3u;
 
 // Radiance that the surface itself sends along wo, weighted against the light sample that could have found it.
 vec3 emitted(Lights lights, Surface surface, MaterialRecord material, vec3 wo, float bsdf_pdf) {

@@ -47,7 +47,7 @@ pub struct Arguments {
     /// lobe, cosine, uniform: what directions are picked by
     #[arg(long, value_name = "LIST", value_delimiter = ',', help_heading = "Methods: all combinations of")]
     bsdf_sampling: Vec<String>,
-    /// f32, f16: what networks are evaluated in
+    /// f32, f16, auto: how numbers of NeuBRDFs are held on the device
     #[arg(long, value_name = "LIST", value_delimiter = ',', help_heading = "Methods: all combinations of")]
     precision: Vec<String>,
     /// Paths in flight: numbers, auto

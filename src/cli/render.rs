@@ -46,6 +46,9 @@ pub struct Arguments {
     /// What directions are picked by: lobe (the material's), cosine or uniform. For comparison
     #[arg(long, default_value_t = BsdfSampling::Lobe)]
     bsdf_sampling: BsdfSampling,
+    /// Bounces that no path ends at by chance; from then on Russian roulette ends dark ones
+    #[arg(long, value_name = "BOUNCES", default_value_t = Settings::ROULETTE_AFTER)]
+    roulette_after: u32,
     /// A part of a device's or driver's name, or its number in `neubrdf info`
     #[arg(long)]
     device: Option<String>,
@@ -123,12 +126,14 @@ pub fn run(arguments: Arguments) -> Result<ExitCode> {
     let device = instance.open(&choice)?;
     let settings = Settings {
         max_depth: arguments.job.max_depth,
+        roulette_after: arguments.roulette_after,
         seed: arguments.seed,
         sampler: arguments.sampler,
         crop: arguments.job.crop,
         features: !arguments.aov.0.is_empty(),
         light_sampling: !arguments.no_light_sampling,
         bsdf_sampling: arguments.bsdf_sampling,
+        neubrdf_precision: None,
     };
     let options = Options { traversal: arguments.traversal, pool_paths: arguments.pool };
     let mut renderer = Renderer::new(&device, &scene, &settings, &options)?;

@@ -153,6 +153,19 @@ impl Instance {
     /// # Errors
     /// No device, none that matches, or one that is unfit, with what it lacks.
     pub fn open(self: &Arc<Instance>, choice: &DeviceChoice) -> Result<Arc<Device>> {
+        self.open_as(choice, |_| ())
+    }
+
+    /// [`Instance::open`], as if the device were another: what `disguise` takes from its report is not used. For tests of what becomes
+    /// of the rest.
+    ///
+    /// # Errors
+    /// As of [`Instance::open`].
+    pub fn open_as(
+        self: &Arc<Instance>,
+        choice: &DeviceChoice,
+        disguise: impl FnOnce(&mut DeviceReport),
+    ) -> Result<Arc<Device>> {
         let reports = self.devices()?;
         if reports.is_empty() {
             return Err(Error::NoDevice);
@@ -178,7 +191,9 @@ impl Instance {
         }
         let physical = self.physical_devices()?;
         let physical = physical.get(chosen.index).ok_or(Error::NoDevice)?;
-        Device::open(self, *physical, chosen)
+        let mut report = chosen.clone();
+        disguise(&mut report);
+        Device::open(self, *physical, &report)
     }
 
     /// What the validation layer has said so far, warnings and errors, oldest first (at most a thousand).

@@ -17,6 +17,7 @@ mod path;
 mod random;
 mod surface;
 
+use std::borrow::Cow;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::time::Instant;
@@ -32,7 +33,7 @@ use self::random::Random;
 use self::surface::Placement;
 use crate::image::{Crop, Metadata, Picture};
 use crate::material::Prepared;
-use crate::scene::Scene;
+use crate::scene::{Camera, Scene};
 
 /// What can go wrong.
 #[derive(Debug, thiserror::Error)]
@@ -89,7 +90,10 @@ pub struct Statistics {
 
 /// A scene made ready for rendering: built once, rendered often.
 pub struct Reference<'a> {
-    scene: &'a Scene,
+    /// Near the origin ([`Scene::recentred`]).
+    scene: Cow<'a, Scene>,
+    /// As the scene has it.
+    camera: &'a Camera,
     view: View,
     accelerator: Accelerator,
     lights: Lights,
@@ -102,14 +106,17 @@ pub struct Reference<'a> {
 impl<'a> Reference<'a> {
     /// Builds Embree's trees and the tables of lights and materials.
     pub fn new(scene: &'a Scene) -> Result<Reference<'a>, Error> {
+        let Scene { camera, .. } = scene;
+        let scene = scene.recentred();
         let placements: Vec<Placement> = scene.instances.iter().map(Placement::new).collect();
         Ok(Reference {
-            scene,
             view: View::new(&scene.camera, scene.film),
-            accelerator: Accelerator::new(scene)?,
-            lights: Lights::new(scene, &placements),
+            accelerator: Accelerator::new(&scene)?,
+            lights: Lights::new(&scene, &placements),
             placements,
             surfaces: Prepared::all(&scene.materials, &scene.brdfs),
+            scene,
+            camera,
         })
     }
 
@@ -173,7 +180,7 @@ impl<'a> Reference<'a> {
 
     /// What to write into the file of a picture; the scene's hash is the caller's to add.
     pub fn metadata(&self, options: &ReferenceOptions, statistics: &Statistics) -> Metadata {
-        let (camera, film) = (&self.scene.camera, self.scene.film);
+        let (camera, film) = (self.camera, self.scene.film);
         Metadata {
             scene_hash: String::new(),
             spp: statistics.least_spp.into(),
@@ -193,7 +200,7 @@ impl<'a> Reference<'a> {
         }
     }
 
-    /// The trees, for tracing rays alone.
+    /// The trees, for tracing rays alone: of the scene as [`Scene::recentred`] has it.
     pub fn accelerator(&self) -> &Accelerator {
         &self.accelerator
     }

@@ -63,7 +63,7 @@ impl Reference<'_> {
             let bsdf = Bsdf::new(&self.surfaces[point.material_index as usize], point.color);
             let wo = frame.to_local(wo_world);
             if !bsdf.is_delta()
-                && let Some(light) = self.lights.sample(self.scene, point.position, random)
+                && let Some(light) = self.lights.sample(&self.scene, point.position, random)
             {
                 sample.radiance += throughput * self.direct(&point, &bsdf, wo, &light, rays);
             }
@@ -127,7 +127,7 @@ impl Reference<'_> {
         let hit = self.hit(origin, direction)?;
         let placement = &self.placements[hit.instance as usize];
         let origin = origin.as_dvec3();
-        let point = SurfacePoint::new(self.scene, placement, &hit, origin, direction)?;
+        let point = SurfacePoint::new(&self.scene, placement, &hit, origin, direction)?;
         let distance_squared = (point.position - origin).length_squared();
         Some((point, distance_squared))
     }

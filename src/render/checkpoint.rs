@@ -31,6 +31,8 @@ pub struct Identity {
     pub crop: [u32; 4],
     /// Path segments.
     pub max_depth: u32,
+    /// Bounces without Russian roulette.
+    pub roulette_after: u32,
     /// Random seed.
     pub seed: u32,
     /// `sobol` or `pcg`.
@@ -41,6 +43,8 @@ pub struct Identity {
     pub light_sampling: bool,
     /// `lobe`, `cosine` or `uniform`.
     pub bsdf_sampling: String,
+    /// `f16`, `f32` or `auto`.
+    pub neubrdf_precision: String,
     /// The device and driver: others may round otherwise.
     pub device: String,
     /// The program's version.
@@ -136,11 +140,13 @@ impl Checkpoint {
         differs("scene", &found.scene, &expected.scene)?;
         differs("crop", &format!("{:?}", found.crop), &format!("{:?}", expected.crop))?;
         differs("--max-depth", &found.max_depth, &expected.max_depth)?;
+        differs("--roulette-after", &found.roulette_after, &expected.roulette_after)?;
         differs("--seed", &found.seed, &expected.seed)?;
         differs("--sampler", &found.sampler, &expected.sampler)?;
         differs("feature channels", &found.features, &expected.features)?;
         differs("light sampling", &found.light_sampling, &expected.light_sampling)?;
         differs("BSDF sampling", &found.bsdf_sampling, &expected.bsdf_sampling)?;
+        differs("precision", &found.neubrdf_precision, &expected.neubrdf_precision)?;
         differs("device", &found.device, &expected.device)?;
         differs("version", &found.version, &expected.version)
     }
@@ -163,11 +169,13 @@ impl Identity {
             height: film[1],
             crop,
             max_depth: settings.max_depth,
+            roulette_after: settings.roulette_after,
             seed: settings.seed,
             sampler: settings.sampler.to_string(),
             features: settings.features,
             light_sampling: settings.light_sampling,
             bsdf_sampling: settings.bsdf_sampling.to_string(),
+            neubrdf_precision: settings.neubrdf_precision.map_or("auto".into(), |precision| precision.to_string()),
             device: device.to_owned(),
             version: env!("CARGO_PKG_VERSION").to_owned(),
         }

@@ -12,6 +12,7 @@ use super::material_record::MaterialTable;
 use super::neubrdf_table::{NeuBrdfShape, neubrdf_precision};
 use super::settings::Traversal;
 use crate::gpu::{Buffer, Device, Tlas};
+use crate::scene::brdf::Precision;
 use crate::scene::{Environment, LightTable, Scene};
 
 /// The uploaded scene.
@@ -24,13 +25,15 @@ pub struct DeviceScene {
 }
 
 impl DeviceScene {
-    /// Uploads what the features say is there, and nothing else.
+    /// Uploads what the features say is there, and nothing else; the numbers of NeuBRDFs in that precision, or in half where it
+    /// loses nothing.
     pub fn upload(
         device: &Arc<Device>,
         scene: &Scene,
         lights: &LightTable,
         features: &Features,
         traversal: Traversal,
+        precision: Option<Precision>,
     ) -> Result<DeviceScene, Error> {
         let geometry = Geometry::upload(device, scene, traversal)?;
         let mut buffers = Vec::new();
@@ -40,7 +43,11 @@ impl DeviceScene {
             address
         };
 
-        let materials = MaterialTable::new(&scene.materials, &scene.brdfs, neubrdf_precision(&scene.brdfs));
+        let materials = MaterialTable::new(
+            &scene.materials,
+            &scene.brdfs,
+            precision.unwrap_or_else(|| neubrdf_precision(&scene.brdfs)),
+        );
         let neubrdf_shape = materials.neubrdf_shape.on(device);
         let tables = materials.tables.iter().map(|table| Ok(keep(Buffer::with_data(device, "material table", table)?)));
         let tables = tables.collect::<Result<Vec<_>, Error>>()?;

@@ -100,6 +100,7 @@ impl Features {
             flag(13, settings.light_sampling),
             (14, settings.bsdf_sampling as u32),
             (26, self.neubrdf_queues),
+            (27, settings.roulette_after),
         ];
         let [closest, shadow] = trace_kernels(traversal);
         let samples_lights = self.has_lights() && settings.max_depth > 1 && settings.light_sampling;

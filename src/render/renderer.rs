@@ -63,6 +63,8 @@ impl Renderer {
             return Err(Error::Setting { name: "max depth", found: "0".into(), expected: "at least 1" });
         }
         let traversal = traversal_for(device, options.traversal)?;
+        let original = scene;
+        let scene = &*original.recentred();
         let lights = LightTable::new(scene);
         let features = Features::of(scene, &lights);
         if features.sun && !settings.light_sampling {
@@ -76,7 +78,8 @@ impl Renderer {
             return Err(Error::NeuBrdf { device: device.name().to_owned() });
         }
         let workgroup_size = device.profile().workgroup_size;
-        let device_scene = DeviceScene::upload(device, scene, &lights, &features, traversal)?;
+        let device_scene =
+            DeviceScene::upload(device, scene, &lights, &features, traversal, settings.neubrdf_precision)?;
         let kernels = Kernels::build(device, &features, traversal, settings, &device_scene.specialization())?;
 
         let pixel_count = u64::from(crop.width) * u64::from(crop.height);
@@ -110,7 +113,7 @@ impl Renderer {
             }],
         )?;
         let identity = Identity::new(
-            &scene.hash(),
+            &original.hash(),
             [scene.film.width, scene.film.height],
             [crop.x, crop.y, crop.width, crop.height],
             settings,
@@ -124,7 +127,7 @@ impl Renderer {
             settings: *settings,
             traversal,
             crop,
-            camera: scene.camera.clone(),
+            camera: original.camera.clone(),
             pool,
             film_table,
             pixels,

@@ -4,6 +4,7 @@ use std::fmt;
 use std::str::FromStr;
 
 use crate::image::Crop;
+use crate::scene::brdf::Precision;
 
 /// How rays find triangles.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -42,6 +43,8 @@ pub enum BsdfSampling {
 pub struct Settings {
     /// Path segments: 1 sees emission only, 2 adds direct light. ≥ 1.
     pub max_depth: u32,
+    /// Bounces that no path ends at by chance; from then on Russian roulette ends dark ones.
+    pub roulette_after: u32,
     /// Picks the random numbers.
     pub seed: u32,
     /// Their kind.
@@ -55,18 +58,27 @@ pub struct Settings {
     pub light_sampling: bool,
     /// How directions are picked.
     pub bsdf_sampling: BsdfSampling,
+    /// How numbers of NeuBRDFs are held on the device; `None` is half precision where that loses nothing.
+    pub neubrdf_precision: Option<Precision>,
+}
+
+impl Settings {
+    /// [`Settings::roulette_after`] if nothing is said.
+    pub const ROULETTE_AFTER: u32 = 3;
 }
 
 impl Default for Settings {
     fn default() -> Self {
         Settings {
             max_depth: 16,
+            roulette_after: Settings::ROULETTE_AFTER,
             seed: 0,
             sampler: Sampler::Sobol,
             crop: None,
             features: true,
             light_sampling: true,
             bsdf_sampling: BsdfSampling::Lobe,
+            neubrdf_precision: None,
         }
     }
 }

@@ -21,6 +21,7 @@ mod mtl;
 mod normals;
 mod obj;
 mod polygon;
+mod recentre;
 mod statements;
 mod surface_file;
 pub(crate) mod table;

@@ -9,6 +9,7 @@ mod estimator;
 mod geometry;
 mod light;
 mod materials;
+mod neubrdf;
 
 use std::ops::ControlFlow;
 use std::sync::Arc;
@@ -71,7 +72,7 @@ const LONGEST_SECONDS: f64 = 120.0;
 
 /// All cases.
 pub fn cases() -> Vec<Case> {
-    [geometry::cases(), light::cases(), materials::cases(), estimator::cases(), driver::cases()]
+    [geometry::cases(), light::cases(), materials::cases(), neubrdf::cases(), estimator::cases(), driver::cases()]
         .into_iter()
         .flatten()
         .collect()

@@ -9,7 +9,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use serde::{Deserialize, Serialize};
 
 use super::error::Error;
-use super::method::{self, Method, Precision};
+use super::method::{self, Method};
 use crate::converge::Mitsuba;
 use crate::converge::clock::{Stopwatch, Timing};
 use crate::gpu::{Device, DeviceChoice, Instance, Validation};
@@ -85,9 +85,6 @@ impl<'a> Engine<'a> {
         let building = Stopwatch::own();
         match &method.engine {
             method::Engine::Vulkan(name) => {
-                if method.precision == Precision::F16 {
-                    return Err(unavailable("precision", "f16", "f32: this build evaluates networks in nothing else"));
-                }
                 let device = devices.open(name)?;
                 let settings = Settings {
                     max_depth,
@@ -95,6 +92,7 @@ impl<'a> Engine<'a> {
                     features: false,
                     light_sampling: method.light_sampling,
                     bsdf_sampling: method.bsdf_sampling,
+                    neubrdf_precision: method.precision,
                     ..Settings::default()
                 };
                 let options = Options { traversal: method.traversal, pool_paths: method.pool };
@@ -124,9 +122,11 @@ impl<'a> Engine<'a> {
                 Ok((Engine::Embree(Box::new(reference), max_depth), preparation))
             }
             #[cfg(not(feature = "embree"))]
-            method::Engine::Embree => {
-                Err(unavailable("device", "embree", "another: this build has no Embree (cargo feature `embree`)"))
-            }
+            method::Engine::Embree => Err(Error::Setting {
+                name: "device",
+                found: "embree".into(),
+                expected: "another: this build has no Embree (cargo feature `embree`)".into(),
+            }),
             method::Engine::Mitsuba => {
                 let mut mitsuba = Mitsuba::start(scene, max_depth)?;
                 let build_seconds = building.stop().seconds;
@@ -179,8 +179,4 @@ impl<'a> Engine<'a> {
             }
         }
     }
-}
-
-fn unavailable(name: &'static str, found: &str, expected: &str) -> Error {
-    Error::Setting { name, found: found.to_owned(), expected: expected.to_owned() }
 }

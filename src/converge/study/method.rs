@@ -5,6 +5,7 @@ use std::fmt;
 use serde::{Deserialize, Serialize};
 
 use crate::render::{BsdfSampling, Sampler, Traversal};
+use crate::scene::brdf::Precision;
 
 /// What renders.
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
@@ -30,22 +31,12 @@ pub struct Method {
     pub light_sampling: bool,
     /// How directions are picked.
     pub bsdf_sampling: BsdfSampling,
-    /// What networks are evaluated in.
-    pub precision: Precision,
+    /// How numbers of NeuBRDFs are held; `None`: in half precision where that loses nothing.
+    pub precision: Option<Precision>,
     /// Paths in flight; `None`: what suits the device.
     pub pool: Option<u32>,
     /// Which of the scene's models of its materials is rendered; `None`: the scene as it is, which is the truth.
     pub model: Option<String>,
-}
-
-/// Floating-point format of networks.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
-pub enum Precision {
-    /// 32 bits.
-    #[default]
-    F32,
-    /// 16 bits.
-    F16,
 }
 
 /// The axes of a product of methods; what is empty has its default.
@@ -61,7 +52,7 @@ pub struct Axes {
     pub light_sampling: Vec<String>,
     /// `lobe`, `cosine`, `uniform`.
     pub bsdf_sampling: Vec<String>,
-    /// `f32`, `f16`.
+    /// `f32`, `f16`, `auto`.
     pub precision: Vec<String>,
     /// Numbers of paths, `auto`.
     pub pool: Vec<String>,
@@ -112,10 +103,11 @@ impl Axes {
             _ => Err(format!("'{word}': expected on or off")),
         })?;
         let bsdf = choices("bsdf-sampling", &self.bsdf_sampling, "lobe", |word| parse(word.parse::<BsdfSampling>()))?;
-        let precisions = choices("precision", &self.precision, "f32", |word| match word {
-            "f32" => Ok(Precision::F32),
-            "f16" => Ok(Precision::F16),
-            _ => Err(format!("'{word}': expected f32 or f16")),
+        let precisions = choices("precision", &self.precision, "auto", |word| match word {
+            "auto" => Ok(None),
+            "f32" => Ok(Some(Precision::F32)),
+            "f16" => Ok(Some(Precision::F16)),
+            _ => Err(format!("'{word}': expected f32, f16 or auto")),
         })?;
         let pools = choices("pool", &self.pool, "auto", |word| match word {
             "auto" => Ok(None),
@@ -188,7 +180,7 @@ impl Method {
                 sampler: None,
                 light_sampling: true,
                 bsdf_sampling: BsdfSampling::Lobe,
-                precision: Precision::F32,
+                precision: None,
                 pool: None,
                 ..self
             },
@@ -211,7 +203,7 @@ impl Method {
             ("sampler", self.sampler.map_or("independent".into(), |sampler| sampler.to_string())),
             ("light-sampling", if self.light_sampling { "on".into() } else { "off".into() }),
             ("bsdf-sampling", self.bsdf_sampling.to_string()),
-            ("precision", if self.precision == Precision::F16 { "f16".into() } else { "f32".into() }),
+            ("precision", auto(self.precision.map(|precision| precision.to_string()))),
             ("pool", auto(self.pool.map(|paths| paths.to_string()))),
             ("model", self.model.clone().unwrap_or_else(|| "truth".into())),
         ]
@@ -233,7 +225,7 @@ impl Method {
     }
 }
 
-/// All that there is to know about it, fit for a file's name: `llvmpipe+bvh+sobol+on+lobe+f32+auto+truth`.
+/// All that there is to know about it, fit for a file's name: `llvmpipe+bvh+sobol+on+lobe+auto+auto+truth`.
 impl fmt::Display for Method {
     fn fmt(&self, out: &mut fmt::Formatter) -> fmt::Result {
         let plain = |word: &str| -> String {
@@ -262,7 +254,7 @@ mod tests {
         };
         let methods = axes.methods().unwrap();
         assert_eq!(methods.len(), 2 * 2 * 2 + 1);
-        assert_eq!(methods[0].to_string(), "llvmpipe+bvh+sobol+on+lobe+f32+auto+truth");
+        assert_eq!(methods[0].to_string(), "llvmpipe+bvh+sobol+on+lobe+auto+auto+truth");
         assert_eq!(methods[0].label(&methods), "llvmpipe, bvh, sobol, lights on");
         assert_eq!(methods[8].label(&methods), "embree");
         let mut names: Vec<String> = methods.iter().map(|method| method.label(&methods)).collect();
@@ -278,7 +270,7 @@ mod tests {
             ("sampler", "halton", "sobol or pcg"),
             ("light-sampling", "yes", "on or off"),
             ("bsdf-sampling", "ggx", "lobe, cosine or uniform"),
-            ("precision", "bf16", "f32 or f16"),
+            ("precision", "bf16", "f32, f16 or auto"),
             ("pool", "0", "at least 1"),
         ] {
             let mut axes = Axes::default();

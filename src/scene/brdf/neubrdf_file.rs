@@ -13,6 +13,7 @@
 //! for each grid point that is the corner of a pixel, lowest bit first; merged pixels are one bit for each block that
 //! [`SphereGrid::merge_where`] asks for, where `is_merged`. Both are filled up to whole bytes.
 
+use std::fmt;
 use std::io::Read;
 use std::path::Path;
 
@@ -33,13 +34,22 @@ const PREAMBLE_BYTES: usize = 16;
 const MOST_BYTES: u64 = 64 << 20;
 
 /// How numbers are stored.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Precision {
     /// Two bytes, eleven significant bits.
     F16,
     /// Four bytes, as trained.
     F32,
+}
+
+impl fmt::Display for Precision {
+    fn fmt(&self, formatter: &mut fmt::Formatter) -> fmt::Result {
+        formatter.write_str(match self {
+            Precision::F16 => "f16",
+            Precision::F32 => "f32",
+        })
+    }
 }
 
 #[derive(Debug, Serialize, Deserialize)]
