@@ -5,6 +5,7 @@
 //! | room | holds |
 //! |---|---|
 //! | [`converge`] | error metrics and statistical tests over pictures; studies of speed against error |
+//! | [`plugin`] | the path tracer inside a host's Vulkan: records, and nothing else |
 //! | [`render`] | the wavefront path tracer on Vulkan: queues, film, checkpoints |
 //! | `reference` | the Embree CPU path tracer (cargo feature `embree`) |
 //! | [`train`] | fits neural BRDFs on the CPU |
@@ -17,6 +18,7 @@ pub mod converge;
 pub mod gpu;
 pub mod image;
 pub mod material;
+pub mod plugin;
 #[cfg(feature = "embree")]
 pub mod reference;
 pub mod render;

@@ -5,7 +5,7 @@ mod common;
 
 use ash::vk;
 use common::gpu_structs::GpuTestFillPush;
-use neubrdf::gpu::{Buffer, Commands, Device, Error, Instance, Kernel, Memory, spirv};
+use neubrdf::gpu::{Buffer, Commands, Device, Error, HostDevice, Kernel, Memory, spirv};
 
 #[test]
 fn a_host_keeps_its_device_and_submits_by_itself() {
@@ -31,8 +31,8 @@ fn a_host_keeps_its_device_and_submits_by_itself() {
             let host_device = host_instance.create_device(physical, &info, None).unwrap();
             let queue = host_device.get_device_queue(0, 0);
 
-            let instance = Instance::from_raw(entry.clone(), host_instance.clone());
-            let device = Device::from_raw(&instance, physical, host_device.clone(), 0, queue, false).unwrap();
+            let host = HostDevice::new(entry.clone(), host_instance.clone(), physical, host_device.clone(), 0);
+            let device = Device::from_host(host).unwrap();
             assert!(!device.has_ray_query());
             eprintln!("on {}", device.name());
             let kernel = Kernel::new(&device, spirv::load("gpu_test_fill").unwrap(), &[]).unwrap();

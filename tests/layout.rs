@@ -27,6 +27,7 @@ const SHARED: &[&[StructLayout]] = &[
     neubrdf::render::bvh::BVH_STRUCTS,
     neubrdf::render::RAY_STRUCTS,
     neubrdf::render::WAVEFRONT_STRUCTS,
+    neubrdf::plugin::DEVELOP_STRUCTS,
 ];
 
 #[test]

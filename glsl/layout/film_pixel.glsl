@@ -16,4 +16,18 @@ layout(buffer_reference, scalar, buffer_reference_align = 4) buffer FilmPixelArr
     FilmPixel at[];
 };
 
+// What a pixel sees first. Albedo and normal are means over its samples; depth (along the axis, infinite where nothing is) and ids
+// are those of one ray through its centre, since their means would mean nothing.
+struct FeaturePixel {
+    vec3 albedo;
+    vec3 normal;
+    float depth;
+    uint instance;
+    uint triangle;
+    uint material;
+};
+layout(buffer_reference, scalar, buffer_reference_align = 4) buffer FeaturePixelArray {
+    FeaturePixel at[];
+};
+
 #endif

@@ -45,7 +45,9 @@ pub struct Tlas {
     pub(super) set: vk::DescriptorSet,
     pool: vk::DescriptorPool,
     structure: Structure,
-    _meshes: Vec<Arc<Blas>>,
+    /// How to build it again, and where the instances lie then.
+    rebuild: Option<(Build, Arc<Buffer>)>,
+    meshes: Vec<Arc<Blas>>,
 }
 
 impl Blas {
@@ -54,31 +56,36 @@ impl Blas {
     /// # Errors
     /// A device without ray query, out of memory, or a lost device.
     pub fn build(device: &Arc<Device>, geometries: &[BlasGeometry]) -> Result<Arc<Blas>> {
-        let described: Vec<_> = geometries
-            .iter()
-            .map(|geometry| {
-                let triangles = vk::AccelerationStructureGeometryTrianglesDataKHR::default()
-                    .vertex_format(vk::Format::R32G32B32_SFLOAT)
-                    .vertex_data(vk::DeviceOrHostAddressConstKHR { device_address: geometry.positions })
-                    .vertex_stride(12)
-                    .max_vertex(geometry.vertex_count.saturating_sub(1))
-                    .index_type(vk::IndexType::UINT32)
-                    .index_data(vk::DeviceOrHostAddressConstKHR { device_address: geometry.indices });
-                vk::AccelerationStructureGeometryKHR::default()
-                    .geometry_type(vk::GeometryTypeKHR::TRIANGLES)
-                    .geometry(vk::AccelerationStructureGeometryDataKHR { triangles })
-                    .flags(vk::GeometryFlagsKHR::OPAQUE)
-            })
-            .collect();
-        let counts: Vec<u32> = geometries.iter().map(|geometry| geometry.triangle_count).collect();
-        let kind = vk::AccelerationStructureTypeKHR::BOTTOM_LEVEL;
-        let structure = Structure::build(device, "mesh structure", kind, &described, &counts)?.compact()?;
-        Ok(Arc::new(Blas { structure }))
+        let (structure, build) = Build::new(device, Input::ofmeshes(geometries), Flags::ALLOW_COMPACTION)?;
+        build.run(device)?;
+        Ok(Arc::new(Blas { structure: structure.compact()? }))
+    }
+
+    /// A structure that is built when its [`Build`] is recorded, and not compacted.
+    pub(super) fn later(device: &Arc<Device>, geometries: &[BlasGeometry]) -> Result<(Arc<Blas>, Build)> {
+        let (structure, build) = Build::new(device, Input::ofmeshes(geometries), Flags::empty())?;
+        Ok((Arc::new(Blas { structure }), build))
     }
 
     /// Bytes of device memory that it takes.
     pub fn size(&self) -> u64 {
         self.structure.buffer.size()
+    }
+}
+
+/// `VkAccelerationStructureInstanceKHR`, word by word.
+pub type TlasRecord = [u32; 16];
+
+impl TlasInstance {
+    /// What the instance buffer of a [`Tlas`] holds of it.
+    pub fn record(&self) -> TlasRecord {
+        let mut words = [0; 16];
+        words[..12].copy_from_slice(&self.transform.map(f32::to_bits));
+        words[12] = self.custom_index | u32::from(self.mask) << 24;
+        words[13] = vk::GeometryInstanceFlagsKHR::TRIANGLE_FACING_CULL_DISABLE.as_raw() << 24;
+        let address = self.blas.structure.address;
+        (words[14], words[15]) = (address as u32, (address >> 32) as u32);
+        words
     }
 }
 
@@ -88,38 +95,22 @@ impl Tlas {
     /// # Errors
     /// A device without ray query, a custom index of more than 24 bits, out of memory, or a lost device.
     pub fn build(device: &Arc<Device>, instances: &[TlasInstance]) -> Result<Tlas> {
-        let most = (1 << 24) - 1;
-        if let Some(instance) = instances.iter().find(|instance| instance.custom_index > most) {
-            return Err(Error::AccelerationStructure(format!(
-                "custom index {} is above {most}",
-                instance.custom_index
-            )));
-        }
-        if instances.len() > most as usize {
-            return Err(Error::AccelerationStructure(format!("{} instances, {most} at most", instances.len())));
-        }
-        // VkAccelerationStructureInstanceKHR, word by word.
-        let words: Vec<[u32; 16]> = instances
-            .iter()
-            .map(|instance| {
-                let mut words = [0; 16];
-                words[..12].copy_from_slice(&instance.transform.map(f32::to_bits));
-                words[12] = instance.custom_index | u32::from(instance.mask) << 24;
-                words[13] = vk::GeometryInstanceFlagsKHR::TRIANGLE_FACING_CULL_DISABLE.as_raw() << 24;
-                let address = instance.blas.structure.address;
-                (words[14], words[15]) = (address as u32, (address >> 32) as u32);
-                words
-            })
-            .collect();
-        let buffer = Buffer::with_data(device, "instances", &words)?;
-        let data = vk::AccelerationStructureGeometryInstancesDataKHR::default()
-            .data(vk::DeviceOrHostAddressConstKHR { device_address: buffer.address() });
-        let geometry = vk::AccelerationStructureGeometryKHR::default()
-            .geometry_type(vk::GeometryTypeKHR::INSTANCES)
-            .geometry(vk::AccelerationStructureGeometryDataKHR { instances: data });
-        let kind = vk::AccelerationStructureTypeKHR::TOP_LEVEL;
-        let structure = Structure::build(device, "scene structure", kind, &[geometry], &[instances.len() as u32])?;
+        let records = records(instances)?;
+        let buffer = Buffer::with_data(device, "instances", &records)?;
+        let (structure, build) = Build::new(device, Input::of_instances(&buffer, instances.len()), Flags::empty())?;
+        build.run(device)?;
+        Tlas::around(structure, instances, None)
+    }
 
+    /// A structure that is built when [`Commands::build_tlas`] is recorded, over what its instance buffer then holds: any
+    /// number of times.
+    pub(super) fn later(device: &Arc<Device>, buffer: Arc<Buffer>, instances: &[TlasInstance]) -> Result<Tlas> {
+        let (structure, build) = Build::new(device, Input::of_instances(&buffer, instances.len()), Flags::empty())?;
+        Tlas::around(structure, instances, Some((build, buffer)))
+    }
+
+    fn around(structure: Structure, instances: &[TlasInstance], rebuild: Option<(Build, Arc<Buffer>)>) -> Result<Tlas> {
+        let device = structure.buffer.device.clone();
         let sizes =
             [vk::DescriptorPoolSize::default().ty(vk::DescriptorType::ACCELERATION_STRUCTURE_KHR).descriptor_count(1)];
         let info = vk::DescriptorPoolCreateInfo::default().max_sets(1).pool_sizes(&sizes);
@@ -128,7 +119,7 @@ impl Tlas {
             .map_err(device.error("vkCreateDescriptorPool"))?;
         // From here on Drop gives the pool back.
         let meshes = instances.iter().map(|instance| instance.blas.clone()).collect();
-        let mut tlas = Tlas { set: vk::DescriptorSet::null(), pool, structure, _meshes: meshes };
+        let mut tlas = Tlas { set: vk::DescriptorSet::null(), pool, structure, rebuild, meshes: meshes };
         let layouts = [device.set_layout];
         let info = vk::DescriptorSetAllocateInfo::default().descriptor_pool(pool).set_layouts(&layouts);
         // SAFETY: the pool is new and has room for the set.
@@ -153,9 +144,39 @@ impl Tlas {
         self.structure.buffer.size()
     }
 
+    /// The [`TlasRecord`]s that [`Commands::build_tlas`] builds it from; none of one that is built for good.
+    pub fn instances(&self) -> Option<&Arc<Buffer>> {
+        self.rebuild.as_ref().map(|(_, instances)| instances)
+    }
+
+    /// How many instances it is over.
+    pub fn count(&self) -> usize {
+        self.meshes.len()
+    }
+
+    pub(super) fn rebuild(&self) -> Option<&Build> {
+        self.rebuild.as_ref().map(|(build, _)| build)
+    }
+
     pub(super) fn device(&self) -> &Arc<Device> {
         &self.structure.buffer.device
     }
+}
+
+/// The instances as Vulkan has them.
+///
+/// # Errors
+/// A custom index of more than 24 bits, or more instances than those count.
+pub(super) fn records(instances: &[TlasInstance]) -> Result<Vec<TlasRecord>> {
+    let most = (1 << 24) - 1;
+    if let Some(instance) = instances.iter().find(|instance| instance.custom_index > most) {
+        let index = instance.custom_index;
+        return Err(Error::AccelerationStructure(format!("custom index {index} is above {most}")));
+    }
+    if instances.len() > most as usize {
+        return Err(Error::AccelerationStructure(format!("{} instances, {most} at most", instances.len())));
+    }
+    Ok(instances.iter().map(TlasInstance::record).collect())
 }
 
 impl Drop for Tlas {
@@ -172,53 +193,122 @@ struct Structure {
     buffer: Buffer,
 }
 
-impl Structure {
-    fn build(
-        device: &Arc<Device>,
-        name: &str,
-        kind: vk::AccelerationStructureTypeKHR,
-        geometries: &[vk::AccelerationStructureGeometryKHR<'_>],
-        counts: &[u32],
-    ) -> Result<Structure> {
-        let functions = functions(device)?;
-        let mut flags = vk::BuildAccelerationStructureFlagsKHR::PREFER_FAST_TRACE;
-        if kind == vk::AccelerationStructureTypeKHR::BOTTOM_LEVEL {
-            flags |= vk::BuildAccelerationStructureFlagsKHR::ALLOW_COMPACTION;
+type Flags = vk::BuildAccelerationStructureFlagsKHR;
+
+/// What a structure is built over.
+struct Input {
+    kind: vk::AccelerationStructureTypeKHR,
+    geometries: Vec<vk::AccelerationStructureGeometryKHR<'static>>,
+    /// Triangles, or instances, of each geometry.
+    counts: Vec<u32>,
+}
+
+impl Input {
+    fn ofmeshes(geometries: &[BlasGeometry]) -> Input {
+        let described = geometries.iter().map(|geometry| {
+            let triangles = vk::AccelerationStructureGeometryTrianglesDataKHR::default()
+                .vertex_format(vk::Format::R32G32B32_SFLOAT)
+                .vertex_data(vk::DeviceOrHostAddressConstKHR { device_address: geometry.positions })
+                .vertex_stride(12)
+                .max_vertex(geometry.vertex_count.saturating_sub(1))
+                .index_type(vk::IndexType::UINT32)
+                .index_data(vk::DeviceOrHostAddressConstKHR { device_address: geometry.indices });
+            vk::AccelerationStructureGeometryKHR::default()
+                .geometry_type(vk::GeometryTypeKHR::TRIANGLES)
+                .geometry(vk::AccelerationStructureGeometryDataKHR { triangles })
+                .flags(vk::GeometryFlagsKHR::OPAQUE)
+        });
+        Input {
+            kind: vk::AccelerationStructureTypeKHR::BOTTOM_LEVEL,
+            geometries: described.collect(),
+            counts: geometries.iter().map(|geometry| geometry.triangle_count).collect(),
         }
-        let info = vk::AccelerationStructureBuildGeometryInfoKHR::default()
-            .ty(kind)
-            .flags(flags)
-            .mode(vk::BuildAccelerationStructureModeKHR::BUILD)
-            .geometries(geometries);
-        let mut sizes = vk::AccelerationStructureBuildSizesInfoKHR::default();
-        // SAFETY: one count a geometry; the extension is enabled, for this and all calls below.
-        unsafe {
-            functions.get_acceleration_structure_build_sizes(
-                vk::AccelerationStructureBuildTypeKHR::DEVICE,
-                &info,
-                counts,
-                &mut sizes,
-            );
-        }
-        let structure = Structure::empty(device, name, kind, sizes.acceleration_structure_size)?;
-        let alignment = u64::from(device.limits().min_acceleration_structure_scratch_offset_alignment);
-        let scratch = Buffer::new(device, "build scratch", sizes.build_scratch_size + alignment, Memory::Device)?;
-        let address = scratch.address().next_multiple_of(alignment);
-        let info = info
-            .dst_acceleration_structure(structure.raw)
-            .scratch_data(vk::DeviceOrHostAddressKHR { device_address: address });
-        let ranges: Vec<_> = counts
-            .iter()
-            .map(|count| vk::AccelerationStructureBuildRangeInfoKHR::default().primitive_count(*count))
-            .collect();
-        let mut commands = Commands::begin(device)?;
-        commands.timestamp(name);
-        // SAFETY: structure and scratch are as large as the driver asked; the addresses are the caller's buffers.
-        unsafe { functions.cmd_build_acceleration_structures(commands.raw(), &[info], &[&ranges]) };
-        device.submit(commands)?.wait()?;
-        Ok(structure)
     }
 
+    /// Over the [`TlasRecord`]s in a buffer.
+    fn of_instances(buffer: &Buffer, count: usize) -> Input {
+        let data = vk::AccelerationStructureGeometryInstancesDataKHR::default()
+            .data(vk::DeviceOrHostAddressConstKHR { device_address: buffer.address() });
+        let geometry = vk::AccelerationStructureGeometryKHR::default()
+            .geometry_type(vk::GeometryTypeKHR::INSTANCES)
+            .geometry(vk::AccelerationStructureGeometryDataKHR { instances: data });
+        Input {
+            kind: vk::AccelerationStructureTypeKHR::TOP_LEVEL,
+            geometries: vec![geometry],
+            counts: vec![count as u32],
+        }
+    }
+}
+
+/// A build that is ready to be recorded: the structure is made, and so is the scratch memory.
+pub(super) struct Build {
+    input: Input,
+    flags: Flags,
+    /// Whoever keeps the structure outlives the build's last recording.
+    raw: vk::AccelerationStructureKHR,
+    scratch: Buffer,
+}
+
+// SAFETY: `input` points to nothing on the host (all its data are device addresses), and is only read after it is made.
+unsafe impl Send for Build {}
+// SAFETY: as above.
+unsafe impl Sync for Build {}
+
+impl Build {
+    fn new(device: &Arc<Device>, input: Input, flags: Flags) -> Result<(Structure, Build)> {
+        let functions = functions(device)?;
+        let flags = flags | Flags::PREFER_FAST_TRACE;
+        let info = vk::AccelerationStructureBuildGeometryInfoKHR::default()
+            .ty(input.kind)
+            .flags(flags)
+            .mode(vk::BuildAccelerationStructureModeKHR::BUILD)
+            .geometries(&input.geometries);
+        let mut sizes = vk::AccelerationStructureBuildSizesInfoKHR::default();
+        let by = vk::AccelerationStructureBuildTypeKHR::DEVICE;
+        // SAFETY: one count a geometry; the extension is enabled.
+        unsafe { functions.get_acceleration_structure_build_sizes(by, &info, &input.counts, &mut sizes) };
+        let name = match input.kind == vk::AccelerationStructureTypeKHR::TOP_LEVEL {
+            true => "scene structure",
+            false => "mesh structure",
+        };
+        let structure = Structure::empty(device, name, input.kind, sizes.acceleration_structure_size)?;
+        let alignment = u64::from(device.limits().min_acceleration_structure_scratch_offset_alignment);
+        let scratch = Buffer::new(device, "build scratch", sizes.build_scratch_size + alignment, Memory::Device)?;
+        let raw = structure.raw;
+        Ok((structure, Build { input, flags, raw, scratch }))
+    }
+
+    /// Records the build. What it reads must be there for acceleration structure builds, and it for who reads it.
+    pub(super) fn record(&self, device: &Device, commands: vk::CommandBuffer) -> Result<()> {
+        let functions = functions(device)?;
+        let alignment = u64::from(device.limits().min_acceleration_structure_scratch_offset_alignment);
+        let address = self.scratch.address().next_multiple_of(alignment);
+        let info = vk::AccelerationStructureBuildGeometryInfoKHR::default()
+            .ty(self.input.kind)
+            .flags(self.flags)
+            .mode(vk::BuildAccelerationStructureModeKHR::BUILD)
+            .geometries(&self.input.geometries)
+            .dst_acceleration_structure(self.raw)
+            .scratch_data(vk::DeviceOrHostAddressKHR { device_address: address });
+        let counts = self.input.counts.iter();
+        let ranges: Vec<_> =
+            counts.map(|count| vk::AccelerationStructureBuildRangeInfoKHR::default().primitive_count(*count)).collect();
+        // SAFETY: structure and scratch are as large as the driver asked; the addresses are the caller's buffers.
+        unsafe { functions.cmd_build_acceleration_structures(commands, &[info], &[&ranges]) };
+        Ok(())
+    }
+
+    /// Builds, and waits until it is done.
+    fn run(&self, device: &Arc<Device>) -> Result<()> {
+        let mut commands = Commands::begin(device)?;
+        commands.timestamp("acceleration structure");
+        self.record(device, commands.raw())?;
+        device.submit(commands)?.wait()?;
+        Ok(())
+    }
+}
+
+impl Structure {
     /// A structure of that size with nothing in it.
     fn empty(device: &Arc<Device>, name: &str, kind: vk::AccelerationStructureTypeKHR, size: u64) -> Result<Structure> {
         let functions = functions(device)?;

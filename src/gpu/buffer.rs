@@ -73,8 +73,8 @@ impl Buffer {
         // SAFETY: the buffer is this device's.
         let mut requirements = unsafe { device.raw.get_buffer_memory_requirements(raw) };
         requirements.alignment = requirements.alignment.max(ALIGNMENT);
-        let allocation = match lock(&device.allocator).as_mut() {
-            Some(allocator) => allocator
+        let allocation = match &device.allocator {
+            Some(allocator) => lock(allocator)
                 .allocate(&AllocationCreateDesc {
                     name,
                     requirements,

@@ -10,6 +10,7 @@ use super::acceleration::Tlas;
 use super::buffer::Buffer;
 use super::device::{Device, Retired};
 use super::error::{Error, Result};
+use super::host_target::{HostBuffer, HostImage};
 use super::kernel::Kernel;
 
 /// Timestamps in a query pool.
@@ -88,6 +89,20 @@ impl Commands {
         }
     }
 
+    /// The first mistake made while recording, which is thereby taken note of; nothing is recorded after it all the same.
+    ///
+    /// # Errors
+    /// That mistake.
+    pub fn check(&mut self) -> Result<()> {
+        match self.error.take() {
+            None => Ok(()),
+            Some(error) => {
+                self.fail(format!("a mistake was made before: {error}"));
+                Err(error)
+            }
+        }
+    }
+
     /// Ends the recording into a host's command buffer.
     ///
     /// # Errors
@@ -145,6 +160,95 @@ impl Commands {
             | vk::AccessFlags::TRANSFER_WRITE
             | vk::AccessFlags::INDIRECT_COMMAND_READ;
         self.memory_barrier(stages, stages | reads, to);
+    }
+
+    /// Makes everything written so far visible to the host, once it knows that the commands are done.
+    pub fn barrier_to_host(&mut self) {
+        let from = vk::PipelineStageFlags::COMPUTE_SHADER | vk::PipelineStageFlags::TRANSFER;
+        self.memory_barrier(from, vk::PipelineStageFlags::HOST, vk::AccessFlags::HOST_READ);
+    }
+
+    /// Writes bytes that travel in the command buffer itself, so that whoever recorded them needs to keep nothing. Whole
+    /// words, and not many: a driver keeps them until the commands are done.
+    pub fn update(&mut self, buffer: &Buffer, offset: u64, bytes: &[u8]) {
+        /// `vkCmdUpdateBuffer` takes no more at once.
+        const MOST: usize = 65536;
+        if !offset.is_multiple_of(4) || !bytes.len().is_multiple_of(4) {
+            let count = bytes.len();
+            return self
+                .fail(format!("update of {count} bytes at {offset} of buffer {}, not whole words", buffer.name()));
+        }
+        if self.in_buffer(buffer, offset, bytes.len() as u64).is_some() {
+            for (index, part) in bytes.chunks(MOST).enumerate() {
+                let place = offset + (index * MOST) as u64;
+                // SAFETY: the range lies in the buffer and is of whole words.
+                unsafe { self.device.raw.cmd_update_buffer(self.raw, buffer.raw, place, part) };
+            }
+        }
+    }
+
+    /// Copies bytes to a host's buffer.
+    pub fn copy_to_host_buffer(&mut self, from: &Buffer, to: &HostBuffer, bytes: u64) {
+        if bytes > to.size {
+            let (offset, end, size) = (to.offset, to.offset.saturating_add(bytes), to.size);
+            return self.keep(Error::Range { buffer: "of the host".to_string(), offset, end, size });
+        }
+        if self.in_buffer(from, 0, bytes).is_some() && bytes > 0 {
+            let region = vk::BufferCopy::default().dst_offset(to.offset).size(bytes);
+            // SAFETY: both ranges lie in their buffers, as the host vouches for its own.
+            unsafe { self.device.raw.cmd_copy_buffer(self.raw, from.raw, to.raw, &[region]) };
+        }
+    }
+
+    /// Copies texels, row by row from the start of `from`, to a host's image, with the transitions of its layout.
+    pub fn copy_to_host_image(
+        &mut self,
+        from: &Buffer,
+        to: &HostImage,
+        [width, height]: [u32; 2],
+        bytes_per_texel: u32,
+    ) {
+        use vk::{AccessFlags as Access, ImageLayout as Layout, PipelineStageFlags as Stage};
+        let bytes = u64::from(width) * u64::from(height) * u64::from(bytes_per_texel);
+        if self.in_buffer(from, 0, bytes).is_none() || bytes == 0 {
+            return;
+        }
+        let range =
+            vk::ImageSubresourceRange::default().aspect_mask(vk::ImageAspectFlags::COLOR).level_count(1).layer_count(1);
+        let transition = |(stage, access): (Stage, Access), (to_stage, to_access), old: Layout, new: Layout| {
+            let barrier = vk::ImageMemoryBarrier::default()
+                .src_access_mask(access)
+                .dst_access_mask(to_access)
+                .old_layout(old)
+                .new_layout(new)
+                .src_queue_family_index(vk::QUEUE_FAMILY_IGNORED)
+                .dst_queue_family_index(vk::QUEUE_FAMILY_IGNORED)
+                .image(to.raw)
+                .subresource_range(range);
+            let none = vk::DependencyFlags::empty();
+            // SAFETY: the host vouches for the image and for its layout.
+            unsafe { self.device.raw.cmd_pipeline_barrier(self.raw, stage, to_stage, none, &[], &[], &[barrier]) };
+        };
+        let copies = (Stage::TRANSFER, Access::TRANSFER_WRITE);
+        let writes = Access::MEMORY_WRITE;
+        let all = Access::MEMORY_READ | Access::MEMORY_WRITE;
+        if to.before != Layout::TRANSFER_DST_OPTIMAL {
+            transition((Stage::ALL_COMMANDS, writes), copies, to.before, Layout::TRANSFER_DST_OPTIMAL);
+        }
+        let region = vk::BufferImageCopy::default()
+            .image_subresource(
+                vk::ImageSubresourceLayers::default().aspect_mask(vk::ImageAspectFlags::COLOR).layer_count(1),
+            )
+            .image_offset(vk::Offset3D { x: to.origin[0] as i32, y: to.origin[1] as i32, z: 0 })
+            .image_extent(vk::Extent3D { width, height, depth: 1 });
+        // SAFETY: the host vouches for the image; as many texels lie in the buffer.
+        unsafe {
+            let layout = Layout::TRANSFER_DST_OPTIMAL;
+            self.device.raw.cmd_copy_buffer_to_image(self.raw, from.raw, to.raw, layout, &[region]);
+        }
+        if to.after != Layout::TRANSFER_DST_OPTIMAL {
+            transition(copies, (Stage::ALL_COMMANDS, all), Layout::TRANSFER_DST_OPTIMAL, to.after);
+        }
     }
 
     /// Fills bytes of the buffer with a word; both ends of the range are multiples of 4.
@@ -243,12 +347,19 @@ impl Commands {
     }
 
     fn memory_barrier(&mut self, from: vk::PipelineStageFlags, to: vk::PipelineStageFlags, access: vk::AccessFlags) {
+        let written = vk::AccessFlags::SHADER_WRITE | vk::AccessFlags::TRANSFER_WRITE;
+        self.barrier_between((from, written), (to, access));
+    }
+
+    pub(super) fn barrier_between(
+        &mut self,
+        (from, written): (vk::PipelineStageFlags, vk::AccessFlags),
+        (to, access): (vk::PipelineStageFlags, vk::AccessFlags),
+    ) {
         if self.error.is_some() {
             return;
         }
-        let barrier = vk::MemoryBarrier::default()
-            .src_access_mask(vk::AccessFlags::SHADER_WRITE | vk::AccessFlags::TRANSFER_WRITE)
-            .dst_access_mask(access);
+        let barrier = vk::MemoryBarrier::default().src_access_mask(written).dst_access_mask(access);
         let none = vk::DependencyFlags::empty();
         // SAFETY: the command buffer is being recorded, outside a render pass.
         unsafe { self.device.raw.cmd_pipeline_barrier(self.raw, from, to, none, &[barrier], &[], &[]) };
@@ -305,8 +416,17 @@ impl Commands {
     }
 
     /// Keeps the first mistake.
-    fn fail(&mut self, reason: String) {
-        self.error.get_or_insert(Error::Commands(reason));
+    pub(super) fn fail(&mut self, reason: String) {
+        self.keep(Error::Commands(reason));
+    }
+
+    pub(super) fn keep(&mut self, error: Error) {
+        self.error.get_or_insert(error);
+    }
+
+    /// Records a command that binds nothing, unless a mistake was made.
+    pub(super) fn record_raw(&mut self, record: impl FnOnce(vk::CommandBuffer) -> Result<()>) -> Result<()> {
+        if self.error.is_some() { Ok(()) } else { record(self.raw) }
     }
 
     pub(super) fn last_pass(&self) -> Option<String> {
@@ -324,9 +444,7 @@ impl Commands {
                     .to_string(),
             );
         }
-        // Whatever was written must be there for the host to read.
-        let from = vk::PipelineStageFlags::COMPUTE_SHADER | vk::PipelineStageFlags::TRANSFER;
-        self.memory_barrier(from, vk::PipelineStageFlags::HOST, vk::AccessFlags::HOST_READ);
+        self.barrier_to_host();
         if !self.passes.is_empty() {
             self.write_timestamp();
         }

@@ -23,7 +23,8 @@ pub struct Device {
     pub(super) acceleration: Option<khr::acceleration_structure::Device>,
     pub(super) debug: Option<ext::debug_utils::Device>,
     pub(super) pipeline_cache: PipelineCache,
-    pub(super) allocator: Mutex<Option<Allocator>>,
+    // Taken only by Drop.
+    pub(super) allocator: Option<Arc<Mutex<Allocator>>>,
     pub(super) queue_family: u32,
     report: DeviceReport,
     profile: Profile,
@@ -37,8 +38,79 @@ pub struct Device {
     instance: Arc<Instance>,
 }
 
+/// A host's device, as [`Device::from_host`] borrows it.
+pub struct HostDevice {
+    /// What the host loaded Vulkan with.
+    pub entry: ash::Entry,
+    /// The host's instance, for Vulkan 1.2 or later.
+    pub instance: ash::Instance,
+    /// What the device is of.
+    pub physical_device: vk::PhysicalDevice,
+    /// The host's device.
+    pub device: ash::Device,
+    /// The family of the queue that our commands will run on; it computes.
+    pub queue_family: u32,
+    /// Whether `VK_KHR_ray_query`, `VK_KHR_acceleration_structure` and their features are enabled: what
+    /// [`Requirements::ray_query`](super::Requirements::ray_query) said when the device was made.
+    pub ray_query: bool,
+    /// Whether the instance has `VK_EXT_debug_utils`: our passes and objects then have names in captures.
+    pub debug_utils: bool,
+    /// What gives us memory, with buffer device addresses on; `None` is an allocator of our own.
+    pub allocator: Option<Arc<Mutex<Allocator>>>,
+    /// What keeps our pipelines; null is a cache of our own, in memory.
+    pub pipeline_cache: vk::PipelineCache,
+    /// A queue of that family, if calls that submit and wait are wanted too. What only records needs none.
+    pub queue: Option<vk::Queue>,
+}
+
+impl HostDevice {
+    /// Of handles of ash, without anything that is optional.
+    pub fn new(
+        entry: ash::Entry,
+        instance: ash::Instance,
+        physical_device: vk::PhysicalDevice,
+        device: ash::Device,
+        queue_family: u32,
+    ) -> HostDevice {
+        HostDevice {
+            entry,
+            instance,
+            physical_device,
+            device,
+            queue_family,
+            ray_query: false,
+            debug_utils: false,
+            allocator: None,
+            pipeline_cache: vk::PipelineCache::null(),
+            queue: None,
+        }
+    }
+
+    /// Of raw handles, whose functions are looked up.
+    ///
+    /// # Safety
+    /// The handles are alive and belong together, and the function is the loader's (or the driver's) for them.
+    pub unsafe fn load(
+        get_instance_proc_addr: vk::PFN_vkGetInstanceProcAddr,
+        instance: vk::Instance,
+        physical_device: vk::PhysicalDevice,
+        device: vk::Device,
+        queue_family: u32,
+    ) -> HostDevice {
+        // SAFETY: as the caller says.
+        unsafe {
+            let functions = ash::StaticFn { get_instance_proc_addr };
+            let entry = ash::Entry::from_static_fn(functions);
+            let instance = ash::Instance::load(entry.static_fn(), instance);
+            let device = ash::Device::load(instance.fp_v1_0(), device);
+            HostDevice::new(entry, instance, physical_device, device, queue_family)
+        }
+    }
+}
+
 struct Queue {
-    raw: vk::Queue,
+    /// None where a host submits by itself.
+    raw: Option<vk::Queue>,
     submitted: u64,
     last_pass: Option<String>,
 }
@@ -102,35 +174,34 @@ impl Device {
         // SAFETY: the queue was just created with the device.
         let queue = unsafe { raw.get_device_queue(report.queue_family, 0) };
         let cache = PipelineCache::on_disk(&raw, &instance.raw, physical);
-        Self::finish(instance, physical, raw, queue, report.clone(), report.ray_query, cache, true)
+        Self::finish(instance, physical, raw, Some(queue), report.clone(), cache, None, true)
     }
 
-    /// Wraps a device that a host made and will destroy.
-    ///
-    /// `ray_query` says whether the host enabled `VK_KHR_ray_query`, `VK_KHR_acceleration_structure` and their features.
+    /// Borrows a device that a host made and will destroy. Of the host's handles nothing is ever destroyed; nothing is
+    /// submitted but by calls that say that they submit or wait, and those need [`HostDevice::queue`].
     ///
     /// # Errors
     /// The physical device is unfit, or a driver failure.
     ///
     /// # Safety
-    /// The handles belong together and outlive the result and everything made from it; the device was made with the
-    /// features bufferDeviceAddress, scalarBlockLayout and timelineSemaphore. Vulkan wants access to a queue to be
-    /// synchronised: nobody else submits to `queue` while [`Device::submit`] (or a call that says it waits) runs.
-    pub unsafe fn from_raw(
-        instance: &Arc<Instance>,
-        physical: vk::PhysicalDevice,
-        raw: ash::Device,
-        queue_family: u32,
-        queue: vk::Queue,
-        ray_query: bool,
-    ) -> Result<Arc<Device>> {
-        let mut report = profile::report(instance, 0, physical);
+    /// The handles belong together and outlive the result and everything made from it; the device was made with what
+    /// [`requirements`](super::requirements) asks for. Vulkan wants access to a queue to be synchronised: nobody else
+    /// submits to the queue, if one is given, while [`Device::submit`] (or a call that says it waits) runs.
+    pub unsafe fn from_host(host: HostDevice) -> Result<Arc<Device>> {
+        let HostDevice { entry, instance, physical_device, device: raw, .. } = host;
+        // SAFETY: the instance outlives the result, as the caller says.
+        let instance = unsafe { Instance::from_raw(entry, instance, host.debug_utils) };
+        let mut report = profile::report(&instance.raw, 0, physical_device);
         if !report.missing.is_empty() {
             return Err(Error::Unfit { device: report.name, missing: report.missing });
         }
-        report.queue_family = queue_family;
-        let cache = PipelineCache::in_memory(&raw);
-        Self::finish(instance, physical, raw, queue, report, ray_query, cache, false)
+        report.queue_family = host.queue_family;
+        report.ray_query &= host.ray_query;
+        let cache = match host.pipeline_cache == vk::PipelineCache::null() {
+            true => PipelineCache::in_memory(&raw),
+            false => PipelineCache::of_host(host.pipeline_cache),
+        };
+        Self::finish(&instance, physical_device, raw, host.queue, report, cache, host.allocator, false)
     }
 
     #[allow(clippy::too_many_arguments)] // the two ways to a device end here, and nothing else calls it
@@ -138,22 +209,13 @@ impl Device {
         instance: &Arc<Instance>,
         physical: vk::PhysicalDevice,
         raw: ash::Device,
-        queue: vk::Queue,
+        queue: Option<vk::Queue>,
         report: DeviceReport,
-        has_ray_query: bool,
         pipeline_cache: PipelineCache,
+        allocator: Option<Arc<Mutex<Allocator>>>,
         owned: bool,
     ) -> Result<Arc<Device>> {
-        let allocator = Allocator::new(&AllocatorCreateDesc {
-            instance: instance.raw.clone(),
-            device: raw.clone(),
-            physical_device: physical,
-            debug_settings: AllocatorDebugSettings::default(),
-            buffer_device_address: true,
-            allocation_sizes: AllocationSizes::new(64 << 20, 16 << 20).with_max_device_memblock_size(256 << 20),
-        });
-        let mut profile = report.profile();
-        profile.traversal_prefers_ray_query &= has_ray_query;
+        let has_ray_query = report.ray_query;
         // Made before anything that can fail, so that its Drop cleans up after all that does.
         let mut device = Device {
             pipeline_layout: vk::PipelineLayout::null(),
@@ -162,8 +224,8 @@ impl Device {
             debug: instance.debug_utils.then(|| ext::debug_utils::Device::new(&instance.raw, &raw)),
             pipeline_cache,
             queue_family: report.queue_family,
-            allocator: Mutex::new(None),
-            profile,
+            allocator,
+            profile: report.profile(),
             has_ray_query,
             timeline: vk::Semaphore::null(),
             queue: Mutex::new(Queue { raw: queue, submitted: 0, last_pass: None }),
@@ -173,7 +235,18 @@ impl Device {
             report,
             raw,
         };
-        device.allocator = Mutex::new(Some(allocator.map_err(|e| device.allocation_error("the allocator", 0, &e))?));
+        if device.allocator.is_none() {
+            let allocator = Allocator::new(&AllocatorCreateDesc {
+                instance: instance.raw.clone(),
+                device: device.raw.clone(),
+                physical_device: physical,
+                debug_settings: AllocatorDebugSettings::default(),
+                buffer_device_address: true,
+                allocation_sizes: AllocationSizes::new(64 << 20, 16 << 20).with_max_device_memblock_size(256 << 20),
+            });
+            let allocator = allocator.map_err(|e| device.allocation_error("the allocator", 0, &e))?;
+            device.allocator = Some(Arc::new(Mutex::new(allocator)));
+        }
 
         let mut kind = vk::SemaphoreTypeCreateInfo::default().semaphore_type(vk::SemaphoreType::TIMELINE);
         let info = vk::SemaphoreCreateInfo::default().push_next(&mut kind);
@@ -245,6 +318,11 @@ impl Device {
         let raw = commands.end(self)?;
         let buffers = [raw];
         let mut queue = lock(&self.queue);
+        let Some(raw_queue) = queue.raw else {
+            return Err(Error::Commands(
+                "the device was borrowed without a queue, so that only its host submits".to_string(),
+            ));
+        };
         let (before, after) = ([queue.submitted], [queue.submitted + 1]);
         let semaphores = [self.timeline];
         // Waiting for the submission before makes what it wrote visible to this one.
@@ -259,7 +337,7 @@ impl Device {
             .push_next(&mut timeline);
         queue.last_pass = commands.last_pass();
         // SAFETY: the command buffer is recorded, ended and not pending; the queue is locked.
-        let result = unsafe { self.raw.queue_submit(queue.raw, &[info], vk::Fence::null()) };
+        let result = unsafe { self.raw.queue_submit(raw_queue, &[info], vk::Fence::null()) };
         if result.is_ok() {
             queue.submitted += 1;
         }
@@ -339,9 +417,9 @@ impl Device {
             match object {
                 Retired::Buffer(buffer, allocation) => {
                     self.raw.destroy_buffer(buffer, None);
-                    if let Some(allocator) = lock(&self.allocator).as_mut() {
+                    if let Some(allocator) = &self.allocator {
                         // It fails only for an allocation of another allocator.
-                        let _ = allocator.free(allocation);
+                        let _ = lock(allocator).free(allocation);
                     }
                 }
                 Retired::Pipeline(pipeline) => self.raw.destroy_pipeline(pipeline, None),
@@ -400,7 +478,7 @@ impl Drop for Device {
         let retired = std::mem::take(&mut *lock(&self.graveyard));
         retired.submitted.into_iter().chain(retired.recorded).for_each(|(_, object)| self.destroy(object));
         self.pipeline_cache.save(&self.raw);
-        lock(&self.allocator).take();
+        self.allocator.take();
         // SAFETY: all work is done and everything made from the device is gone, as it would have kept the device.
         unsafe {
             self.pipeline_cache.destroy(&self.raw);

@@ -124,14 +124,14 @@ impl Instance {
         Ok(Arc::new(instance))
     }
 
-    /// Wraps an instance that a host made and will destroy.
+    /// Borrows an instance that a host made and will destroy; `debug_utils` says whether it has `VK_EXT_debug_utils`.
     ///
     /// # Safety
     /// `raw` was made with `entry`, for Vulkan 1.2 or later, and outlives the result and everything made from it.
-    pub unsafe fn from_raw(entry: ash::Entry, raw: ash::Instance) -> Arc<Instance> {
+    pub(super) unsafe fn from_raw(entry: ash::Entry, raw: ash::Instance, debug_utils: bool) -> Arc<Instance> {
         Arc::new(Instance {
             raw,
-            debug_utils: false,
+            debug_utils,
             entry,
             messenger: None,
             messages: Box::new(Mutex::new(Vec::new())),
@@ -145,7 +145,7 @@ impl Instance {
     /// A failing driver. No device at all is an empty list.
     pub fn devices(&self) -> Result<Vec<DeviceReport>> {
         let physical = self.physical_devices()?;
-        Ok(physical.iter().enumerate().map(|(index, p)| profile::report(self, index, *p)).collect())
+        Ok(physical.iter().enumerate().map(|(index, p)| profile::report(&self.raw, index, *p)).collect())
     }
 
     /// Opens a device.

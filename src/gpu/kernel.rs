@@ -143,7 +143,7 @@ impl Drop for Kernel {
     }
 }
 
-/// Compiled pipelines: in memory, and for our own devices in a file of the user's cache directory.
+/// Compiled pipelines: a host's, in memory, and for our own devices in a file of the user's cache directory.
 ///
 /// Drivers trust what is in such a file, so it starts with a hash of the rest: one that is cut short or damaged is
 /// ignored, and written anew.
@@ -151,11 +151,16 @@ pub(super) struct PipelineCache {
     raw: vk::PipelineCache,
     changed: AtomicBool,
     path: Option<PathBuf>,
+    owned: bool,
 }
 
 impl PipelineCache {
     pub(super) fn in_memory(device: &ash::Device) -> PipelineCache {
         Self::new(device, &[], None)
+    }
+
+    pub(super) fn of_host(raw: vk::PipelineCache) -> PipelineCache {
+        PipelineCache { raw, changed: AtomicBool::new(false), path: None, owned: false }
     }
 
     pub(super) fn on_disk(
@@ -179,7 +184,7 @@ impl PipelineCache {
         let info = vk::PipelineCacheCreateInfo::default().initial_data(data);
         // SAFETY: the data is empty or what this driver once gave out, as its hash says. Without a cache all still works.
         let raw = unsafe { device.create_pipeline_cache(&info, None) }.unwrap_or_default();
-        PipelineCache { raw, changed: AtomicBool::new(false), path }
+        PipelineCache { raw, changed: AtomicBool::new(false), path, owned: true }
     }
 
     /// Writes the file if pipelines were added. A cache that cannot be written is no error.
@@ -195,8 +200,10 @@ impl PipelineCache {
     }
 
     pub(super) fn destroy(&self, device: &ash::Device) {
-        // SAFETY: called once, by the device's Drop.
-        unsafe { device.destroy_pipeline_cache(self.raw, None) };
+        if self.owned {
+            // SAFETY: called once, by the device's Drop.
+            unsafe { device.destroy_pipeline_cache(self.raw, None) };
+        }
     }
 }
 

@@ -40,15 +40,23 @@ mod buffer;
 mod commands;
 mod device;
 mod error;
+mod host_target;
 mod instance;
 mod kernel;
 mod profile;
+mod requirements;
+mod upload;
 
-pub use acceleration::{Blas, BlasGeometry, Tlas, TlasInstance};
+pub use acceleration::{Blas, BlasGeometry, Tlas, TlasInstance, TlasRecord};
 pub use buffer::{Buffer, Memory};
 pub use commands::{Commands, Submission};
-pub use device::Device;
+pub use device::{Device, HostDevice};
 pub use error::{Error, Result};
+pub use host_target::{HostBuffer, HostImage};
 pub use instance::{DeviceChoice, Instance, Validation};
 pub use kernel::{Kernel, KernelSource};
 pub use profile::{DeviceReport, Limits, PUSH_CONSTANT_BYTES, Profile};
+pub use requirements::{Additions, Requirements, requirements};
+pub use upload::Upload;
+// What a host must speak with us: the same versions.
+pub use {ash, gpu_allocator};

@@ -5,8 +5,6 @@ use std::ffi::CStr;
 
 use ash::{khr, vk};
 
-use super::instance::Instance;
-
 /// Push constants of a kernel, in bytes: what SwiftShader has, and what Vulkan promises.
 pub const PUSH_CONSTANT_BYTES: u32 = 128;
 
@@ -106,20 +104,20 @@ pub(super) fn version(number: u32) -> String {
     format!("{}.{}.{}", vk::api_version_major(number), vk::api_version_minor(number), vk::api_version_patch(number))
 }
 
-fn extensions(instance: &Instance, physical: vk::PhysicalDevice) -> BTreeSet<String> {
+fn extensions(instance: &ash::Instance, physical: vk::PhysicalDevice) -> BTreeSet<String> {
     // SAFETY: the physical device is of this instance.
-    let found = unsafe { instance.raw.enumerate_device_extension_properties(physical) }.unwrap_or_default();
+    let found = unsafe { instance.enumerate_device_extension_properties(physical) }.unwrap_or_default();
     found.iter().filter_map(|e| Some(e.extension_name_as_c_str().ok()?.to_string_lossy().into_owned())).collect()
 }
 
 pub(super) const RAY_QUERY_EXTENSIONS: [&CStr; 3] =
     [khr::acceleration_structure::NAME, khr::ray_query::NAME, khr::deferred_host_operations::NAME];
 
-pub(super) fn report(instance: &Instance, index: usize, physical: vk::PhysicalDevice) -> DeviceReport {
+pub(super) fn report(instance: &ash::Instance, index: usize, physical: vk::PhysicalDevice) -> DeviceReport {
     let extensions = extensions(instance, physical);
     let has_extension = |name: &CStr| extensions.contains(&*name.to_string_lossy());
     // SAFETY: the physical device is of this instance, for this and all queries below.
-    let basic = unsafe { instance.raw.get_physical_device_properties(physical) };
+    let basic = unsafe { instance.get_physical_device_properties(physical) };
     let is_1_2 = basic.api_version >= vk::API_VERSION_1_2;
     let ray_extensions = RAY_QUERY_EXTENSIONS.iter().all(|name| has_extension(name));
 
@@ -144,12 +142,12 @@ pub(super) fn report(instance: &Instance, index: usize, physical: vk::PhysicalDe
     // SAFETY: as above; every structure in the chains is one that the device's version and extensions know.
     let (memory, families) = unsafe {
         if is_1_2 {
-            instance.raw.get_physical_device_properties2(physical, &mut properties);
-            instance.raw.get_physical_device_features2(physical, &mut features);
+            instance.get_physical_device_properties2(physical, &mut properties);
+            instance.get_physical_device_features2(physical, &mut features);
         }
         (
-            instance.raw.get_physical_device_memory_properties(physical),
-            instance.raw.get_physical_device_queue_family_properties(physical),
+            instance.get_physical_device_memory_properties(physical),
+            instance.get_physical_device_queue_family_properties(physical),
         )
     };
 

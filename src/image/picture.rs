@@ -155,6 +155,11 @@ pub struct Crop {
 }
 
 impl Crop {
+    /// How many pixels it has.
+    pub fn pixel_count(&self) -> u64 {
+        u64::from(self.width) * u64::from(self.height)
+    }
+
     /// Whether it has pixels, all of them on a film of this size.
     pub fn fits(&self, film_width: u32, film_height: u32) -> bool {
         let within = |start: u32, length: u32, whole: u32| {

@@ -43,7 +43,7 @@ pub use lobe_fit::fit_lobe;
 pub use lobe_sampled::{Evaluate, LobeSampled};
 pub use nbrdf::LARGEST_OUTPUT as NBRDF_LARGEST_OUTPUT;
 pub use neubrdf::turned;
-pub use prepared::Prepared;
+pub use prepared::{Prepared, is_alike};
 
 /// GGX surfaces with α below this are perfectly smooth: their lobe is a Dirac delta.
 pub const SMOOTH_ALPHA: f32 = 1e-4;

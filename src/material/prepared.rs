@@ -85,8 +85,8 @@ impl Prepared {
     }
 }
 
-/// Whether two surfaces are equal but for their colour.
-fn is_alike(a: &Surface, b: &Surface) -> bool {
+/// Whether two surfaces are equal but for their colour, so that what was prepared for one serves the other.
+pub fn is_alike(a: &Surface, b: &Surface) -> bool {
     match (a, b) {
         (Surface::Diffuse { .. }, Surface::Diffuse { .. }) => true,
         (Surface::Coated { ior, alpha, .. }, Surface::Coated { ior: other_ior, alpha: other_alpha, .. }) => {

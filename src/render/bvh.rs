@@ -124,13 +124,25 @@ impl Bvh {
     /// A tree over boxes, at most `max_leaf` ≤ 4 of them in a leaf. No box, a box that is a point, identical and
     /// overlapping boxes are all fine.
     pub fn build(boxes: &[Bounds], max_leaf: u32) -> Bvh {
-        let bvh = Bvh::from_binary(&cluster(boxes, max_leaf), boxes);
-        if bvh.stack <= MAX_STACK { bvh } else { Bvh::from_binary(&halve(boxes), boxes) }
+        Bvh::within(boxes, max_leaf, MAX_STACK)
     }
 
-    /// A tree over boxes whose leaves hold the index of one box each, so that [`Bvh::order`] says nothing.
-    pub fn over_single_boxes(boxes: &[Bounds]) -> Bvh {
-        let mut bvh = Bvh::build(boxes, 1);
+    /// A good tree if a walk through it needs no larger stack, else a balanced one.
+    fn within(boxes: &[Bounds], max_leaf: u32, stack: u32) -> Bvh {
+        let bvh = Bvh::from_binary(&cluster(boxes, max_leaf), boxes);
+        if bvh.stack <= stack { bvh } else { Bvh::from_binary(&halve(boxes), boxes) }
+    }
+
+    /// The stack that a balanced tree over so many single boxes needs, wherever they lie.
+    pub fn balanced_stack(boxes: usize) -> u32 {
+        let points = vec![Bounds { min: Vec3::ZERO, max: Vec3::ZERO }; boxes.max(1)];
+        Bvh::from_binary(&halve(&points), &points).stack
+    }
+
+    /// A tree over boxes whose leaves hold the index of one box each, so that [`Bvh::order`] says nothing. Its stack is at
+    /// most `stack` if that is at least [`Bvh::balanced_stack`].
+    pub fn over_single_boxes(boxes: &[Bounds], stack: u32) -> Bvh {
+        let mut bvh = Bvh::within(boxes, 1, stack);
         for child in bvh.nodes.iter_mut().flat_map(|node| &mut node.child) {
             if *child != NO_CHILD && *child & LEAF != 0 {
                 *child = LEAF | bvh.order[leaf_range(*child).start];

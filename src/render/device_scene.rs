@@ -1,107 +1,142 @@
-//! A scene in device memory: geometry, materials, textures and lights behind one table of pointers.
+//! The scene in device memory: geometry, materials, textures and lights behind one table of pointers.
 
 use std::sync::Arc;
 
 use glam::{Affine3A, Vec3};
 
 use super::error::Error;
-use super::geometry::Geometry;
+use super::geometry::{Geometry, Placement, overwrite};
 use super::kernels::Features;
 use super::layout::{AliasRecord, EmitterRecord, SceneTable, TextureRecord};
-use super::material_record::MaterialTable;
-use super::neubrdf_table::{NeuBrdfShape, neubrdf_precision};
+use super::material_record::DeviceMaterials;
+use super::neubrdf_table::NeuBrdfShape;
 use super::settings::Traversal;
-use crate::gpu::{Buffer, Device, Tlas};
+use crate::gpu::{Buffer, Tlas, Upload};
 use crate::scene::brdf::Precision;
-use crate::scene::{Environment, LightTable, Scene};
+use crate::scene::{Environment, LightTable, Material, Scene};
 
 /// The uploaded scene.
 pub struct DeviceScene {
     geometry: Geometry,
-    table: Buffer,
+    materials: DeviceMaterials,
+    lights: DeviceLights,
+    /// Where the kernels find the texture records; 0 for none.
+    textures: u64,
+    table: Arc<Buffer>,
     neubrdf_shape: NeuBrdfShape,
-    // Held for the table's pointers.
-    _buffers: Vec<Buffer>,
+    // Held for the texture records' pointers.
+    _buffers: Vec<Arc<Buffer>>,
+}
+
+/// The lights on the device, without what the features say is not there.
+#[derive(Clone)]
+struct DeviceLights {
+    alias: Option<Arc<Buffer>>,
+    emitters: Option<Arc<Buffer>>,
+    environment: Option<Arc<Buffer>>,
+}
+
+/// What of a scene is another than it was.
+#[derive(Clone, Debug, Default)]
+pub struct Changed {
+    /// Instances were moved, added or removed.
+    pub instances: bool,
+    /// Materials, by their index.
+    pub materials: Vec<usize>,
+    /// The sky, the sun, or what emits.
+    pub lights: bool,
+}
+
+/// What [`DeviceScene::changed`] made, and then what it took the place of.
+pub struct NextScene {
+    placement: Option<Placement>,
+    materials: DeviceMaterials,
+    lights: DeviceLights,
 }
 
 impl DeviceScene {
     /// Uploads what the features say is there, and nothing else; the numbers of NeuBRDFs in that precision, or in half where it
     /// loses nothing.
-    pub fn upload(
-        device: &Arc<Device>,
+    pub fn new(
+        upload: &mut Upload,
         scene: &Scene,
         lights: &LightTable,
         features: &Features,
         traversal: Traversal,
         precision: Option<Precision>,
     ) -> Result<DeviceScene, Error> {
-        let geometry = Geometry::upload(device, scene, traversal)?;
+        let geometry = Geometry::new(upload, scene, traversal)?;
+        let (materials, neubrdf_shape) = DeviceMaterials::new(upload, &scene.materials, &scene.brdfs, precision)?;
+        let neubrdf_shape = neubrdf_shape.on(upload.device());
         let mut buffers = Vec::new();
-        let mut keep = |buffer: Buffer| {
-            let address = buffer.address();
-            buffers.push(buffer);
-            address
-        };
-
-        let materials = MaterialTable::new(
-            &scene.materials,
-            &scene.brdfs,
-            precision.unwrap_or_else(|| neubrdf_precision(&scene.brdfs)),
-        );
-        let neubrdf_shape = materials.neubrdf_shape.on(device);
-        let tables = materials.tables.iter().map(|table| Ok(keep(Buffer::with_data(device, "material table", table)?)));
-        let tables = tables.collect::<Result<Vec<_>, Error>>()?;
-        let materials = keep(Buffer::with_data(device, "materials", &materials.records(&tables))?);
         let mut textures = 0;
         if features.textures {
             let mut records = Vec::new();
             for texture in &scene.textures {
-                let texels = keep(Buffer::with_data(device, &texture.name, &texture.texels)?);
-                records.push(TextureRecord { texels, width: texture.width, height: texture.height });
+                let texels = upload.buffer(&texture.name, &texture.texels)?;
+                records.push(TextureRecord { texels: texels.address(), width: texture.width, height: texture.height });
+                buffers.push(texels);
             }
-            textures = keep(Buffer::with_data(device, "textures", &records)?);
+            let records = upload.buffer("textures", &records)?;
+            textures = records.address();
+            buffers.push(records);
         }
-        let mut light_alias = 0;
-        if features.has_lights() {
-            let alias: Vec<_> =
-                lights.alias.iter().map(|(keep, alias)| AliasRecord { keep: *keep, alias: *alias }).collect();
-            light_alias = keep(Buffer::with_data(device, "light table", &alias)?);
-        }
-        let mut emitters = 0;
-        if features.emitters {
-            let records: Vec<_> = lights.triangles.iter().map(|triangle| emitter(scene, *triangle)).collect();
-            emitters = keep(Buffer::with_data(device, "emitters", &records)?);
-        }
-        let mut environment = 0;
-        if let Some(sky) = scene.environment.as_ref().filter(|_| features.environment) {
-            environment = keep(Buffer::with_data(device, "environment", &sky.texels)?);
-        }
-
-        let sky = scene.environment.as_ref();
-        let turn = sky.map_or(0.0, |sky| sky.rotation_degrees).to_radians();
-        let sun = scene.sun;
-        let table = SceneTable {
-            instances: geometry.instances_address(),
-            meshes: geometry.meshes_address(),
-            nodes: geometry.nodes_address(),
+        let none = DeviceLights { alias: None, emitters: None, environment: None };
+        let device_lights = none.overwritten(upload, scene, lights, features)?;
+        let table = table(scene, lights, &geometry, geometry.placement(), &materials, textures, &device_lights);
+        let table = upload.buffer("scene table", &[table])?;
+        Ok(DeviceScene {
+            geometry,
             materials,
+            lights: device_lights,
             textures,
-            light_alias,
-            emitters,
-            environment,
-            light_count: lights.len() as u32,
-            emitter_count: lights.triangles.len() as u32,
-            environment_size: sky.map_or([0, 0], |sky: &Environment| [sky.width, sky.height]),
-            environment_rotation: [turn.cos(), turn.sin()],
-            emitter_density: lights.emitter_density as f32,
-            environment_density: lights.environment_density as f32,
-            sun_probability: lights.sun_probability as f32,
-            sun_direction: sun.map_or(Vec3::ZERO, |sun| sun.direction).to_array(),
-            sun_irradiance: sun.map_or(Vec3::ZERO, |sun| sun.irradiance).to_array(),
-            reach: 2.5 * scene.bounds().radius() + 1e-30,
+            table,
+            neubrdf_shape,
+            _buffers: buffers,
+        })
+    }
+
+    /// Makes what of the scene has changed since, as far as kernels built for these features can render it. `before` are the
+    /// materials that the device has. Nothing changes until the upload is recorded and [`DeviceScene::take`] called.
+    ///
+    /// # Errors
+    /// Features that were not built, out of memory.
+    pub fn changed(
+        &self,
+        upload: &mut Upload,
+        scene: &Scene,
+        before: &[Material],
+        features: &Features,
+        changed: &Changed,
+    ) -> Result<NextScene, Error> {
+        let table_of_lights = LightTable::new(scene);
+        if let Some(what) = features.lacks_of(&Features::of(scene, &table_of_lights)) {
+            return Err(Error::Fixed { what });
+        }
+        let mut materials = self.materials.clone();
+        if !changed.materials.is_empty() {
+            let both = (before, &scene.materials[..]);
+            materials.replace(upload, both, &changed.materials, &scene.brdfs, &self.neubrdf_shape)?;
+        }
+        let placement = changed.instances.then(|| self.geometry.placed(upload, scene)).transpose()?;
+        // Emitters stand in the world.
+        let lights = match changed.lights || changed.instances {
+            true => self.lights.overwritten(upload, scene, &table_of_lights, features)?,
+            false => self.lights.clone(),
         };
-        let table = Buffer::with_data(device, "scene table", &[table])?;
-        Ok(DeviceScene { geometry, table, neubrdf_shape, _buffers: buffers })
+        let place = placement.as_ref().unwrap_or(self.geometry.placement());
+        let table = table(scene, &table_of_lights, &self.geometry, place, &materials, self.textures, &lights);
+        upload.write(&self.table, &[table])?;
+        Ok(NextScene { placement, materials, lights })
+    }
+
+    /// Takes what [`DeviceScene::changed`] made. What it returns is to be kept for as long as work may use it.
+    pub fn take(&mut self, next: NextScene) -> NextScene {
+        NextScene {
+            placement: next.placement.map(|placement| self.geometry.place(placement)),
+            materials: std::mem::replace(&mut self.materials, next.materials),
+            lights: std::mem::replace(&mut self.lights, next.lights),
+        }
     }
 
     /// Where the kernels find the scene.
@@ -116,7 +151,71 @@ impl DeviceScene {
 
     /// The top-level acceleration structure, for ray query.
     pub fn tlas(&self) -> Option<&Tlas> {
-        self.geometry.tlas()
+        self.geometry.placement().tlas()
+    }
+}
+
+impl DeviceLights {
+    fn overwritten(
+        &self,
+        upload: &mut Upload,
+        scene: &Scene,
+        lights: &LightTable,
+        features: &Features,
+    ) -> Result<DeviceLights, Error> {
+        let mut next = DeviceLights { alias: None, emitters: None, environment: None };
+        if features.has_lights() {
+            let mut records: Vec<_> =
+                lights.alias.iter().map(|(keep, alias)| AliasRecord { keep: *keep, alias: *alias }).collect();
+            if records.is_empty() {
+                // Kernels that were built for lights pick one also where all are dark.
+                records.push(AliasRecord { keep: 1.0, alias: 0 });
+            }
+            next.alias = Some(overwrite(upload, self.alias.as_ref(), "light table", &records)?);
+        }
+        if features.emitters {
+            let records: Vec<_> = lights.triangles.iter().map(|triangle| emitter(scene, *triangle)).collect();
+            next.emitters = Some(overwrite(upload, self.emitters.as_ref(), "emitters", &records)?);
+        }
+        if let Some(sky) = scene.environment.as_ref().filter(|_| features.environment) {
+            next.environment = Some(overwrite(upload, self.environment.as_ref(), "environment", &sky.texels)?);
+        }
+        Ok(next)
+    }
+}
+
+fn table(
+    scene: &Scene,
+    lights: &LightTable,
+    geometry: &Geometry,
+    placement: &Placement,
+    materials: &DeviceMaterials,
+    textures: u64,
+    device_lights: &DeviceLights,
+) -> SceneTable {
+    let address = |buffer: &Option<Arc<Buffer>>| buffer.as_ref().map_or(0, |buffer| buffer.address());
+    let sky = scene.environment.as_ref();
+    let turn = sky.map_or(0.0, |sky| sky.rotation_degrees).to_radians();
+    let sun = scene.sun;
+    SceneTable {
+        instances: placement.instances_address(),
+        meshes: geometry.meshes_address(),
+        nodes: placement.nodes_address(),
+        materials: materials.buffer.address(),
+        textures,
+        light_alias: address(&device_lights.alias),
+        emitters: address(&device_lights.emitters),
+        environment: address(&device_lights.environment),
+        light_count: lights.len() as u32,
+        emitter_count: lights.triangles.len() as u32,
+        environment_size: sky.map_or([0, 0], |sky: &Environment| [sky.width, sky.height]),
+        environment_rotation: [turn.cos(), turn.sin()],
+        emitter_density: lights.emitter_density as f32,
+        environment_density: lights.environment_density as f32,
+        sun_probability: lights.sun_probability as f32,
+        sun_direction: sun.map_or(Vec3::ZERO, |sun| sun.direction).to_array(),
+        sun_irradiance: sun.map_or(Vec3::ZERO, |sun| sun.irradiance).to_array(),
+        reach: 2.5 * scene.bounds().radius() + 1e-30,
     }
 }
 

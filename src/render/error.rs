@@ -66,6 +66,12 @@ pub enum Error {
         /// What it may be.
         expected: &'static str,
     },
+    /// A change that the kernels were not built for.
+    #[error("the kernels were not built for {what}: make a new renderer, or say beforehand that it may come")]
+    Fixed {
+        /// What they lack.
+        what: String,
+    },
     /// A kernel's SPIR-V is not in this build.
     #[error("this build has no kernel '{0}': run cargo build where glslangValidator is installed")]
     MissingKernel(&'static str),

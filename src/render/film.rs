@@ -1,7 +1,125 @@
-//! The film on the host: from sums to a picture.
+//! The film: sums on the device, and on the host how a picture comes of them.
 
-use super::layout::{FeaturePixel, FilmPixel};
-use crate::image::{Picture, Samples, plane};
+use std::sync::Arc;
+
+use super::error::Error;
+use super::layout::{CameraRecord, FeaturePixel, FilmPixel, FilmTable};
+use super::settings::Settings;
+use crate::gpu::{Buffer, Commands, Upload};
+use crate::image::{Crop, Picture, Samples, plane};
+use crate::scene::Scene;
+
+/// The film on the device, with the camera that looks through it.
+pub struct Film {
+    crop: Crop,
+    table: Arc<Buffer>,
+    camera: Arc<Buffer>,
+    pixels: Arc<Buffer>,
+    feature_pixels: Option<Arc<Buffer>>,
+    rejected: Arc<Buffer>,
+}
+
+impl Film {
+    /// A black film for a part of the scene's picture. `first_features` is [`super::pool::Pool::first_features`].
+    pub fn new(
+        upload: &mut Upload,
+        scene: &Scene,
+        crop: Crop,
+        settings: &Settings,
+        [first_albedo, first_normal]: [u64; 2],
+    ) -> Result<Film, Error> {
+        let bytes = |size: usize| crop.pixel_count() * size as u64;
+        let pixels = upload.zeroed("film", bytes(size_of::<FilmPixel>()))?;
+        let feature_pixels = match settings.features {
+            true => Some(upload.zeroed("feature film", bytes(size_of::<FeaturePixel>()))?),
+            false => None,
+        };
+        let rejected = upload.zeroed("rejected samples", 4)?;
+        let camera = upload.buffer("camera", &[CameraRecord::new(scene)])?;
+        let table = FilmTable {
+            camera: camera.address(),
+            pixels: pixels.address(),
+            features: feature_pixels.as_ref().map_or(0, |buffer| buffer.address()),
+            rejected: rejected.address(),
+            crop_origin: [crop.x, crop.y],
+            crop_size: [crop.width, crop.height],
+            first_albedo,
+            first_normal,
+            seed: settings.seed,
+            padding: 0,
+        };
+        let table = upload.buffer("film table", &[table])?;
+        Ok(Film { crop, table, camera, pixels, feature_pixels, rejected })
+    }
+
+    /// The part of the scene's picture that it is.
+    pub fn crop(&self) -> Crop {
+        self.crop
+    }
+
+    /// Its pixels.
+    pub fn pixel_count(&self) -> u64 {
+        self.crop.pixel_count()
+    }
+
+    /// Bytes on the device that hold the picture.
+    pub fn bytes(&self) -> u64 {
+        self.pixels.size() + self.feature_pixels.as_ref().map_or(0, |buffer| buffer.size())
+    }
+
+    /// [`FilmTable`]
+    pub fn table(&self) -> &Buffer {
+        &self.table
+    }
+
+    /// [`CameraRecord`]
+    pub fn camera(&self) -> &Arc<Buffer> {
+        &self.camera
+    }
+
+    /// A [`FilmPixel`] each.
+    pub fn pixels(&self) -> &Buffer {
+        &self.pixels
+    }
+
+    /// A [`FeaturePixel`] each, if they are gathered.
+    pub fn feature_pixels(&self) -> Option<&Buffer> {
+        self.feature_pixels.as_deref()
+    }
+
+    /// One `u32`: samples that were not finite.
+    pub fn rejected(&self) -> &Buffer {
+        &self.rejected
+    }
+
+    /// The feature pixels on the host; none where they are not gathered.
+    pub fn read_features(&self) -> Result<Vec<FeaturePixel>, Error> {
+        self.feature_pixels.as_ref().map_or(Ok(Vec::new()), |buffer| Ok(buffer.read()?))
+    }
+
+    /// Another seed; waits until it is there.
+    pub fn set_seed(&self, seed: u32) -> Result<(), Error> {
+        Ok(self.table.write(std::mem::offset_of!(FilmTable, seed) as u64, &[seed])?)
+    }
+
+    /// Puts back what was read; waits until it is there.
+    pub fn restore(&self, pixels: &[FilmPixel], features: &[FeaturePixel], rejected: u32) -> Result<(), Error> {
+        self.pixels.write(0, pixels)?;
+        self.rejected.write(0, &[rejected])?;
+        if let Some(buffer) = &self.feature_pixels {
+            buffer.write(0, features)?;
+        }
+        Ok(())
+    }
+
+    /// Makes it black again. What used it before must be done.
+    pub fn record_clear(&self, commands: &mut Commands) {
+        for buffer in [Some(&self.pixels), Some(&self.rejected), self.feature_pixels.as_ref()].into_iter().flatten() {
+            commands.fill(buffer, 0..buffer.size(), 0);
+        }
+        commands.barrier();
+    }
+}
 
 impl FilmPixel {
     /// The pixel's value, and the variance of that value, from `samples` samples (≥ 1).

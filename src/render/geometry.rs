@@ -6,11 +6,11 @@ use bytemuck::Zeroable;
 use glam::{Affine3A, DAffine3, DMat3, DVec3};
 use rayon::prelude::*;
 
-use super::bvh::{Bvh, BvhNode, LeafTriangle, MAX_PRIMITIVES};
+use super::bvh::{Bvh, BvhNode, LeafTriangle, MAX_PRIMITIVES, MAX_STACK};
 use super::error::Error;
 use super::settings::Traversal;
-use crate::gpu::{Blas, BlasGeometry, Buffer, Device, Tlas, TlasInstance};
-use crate::scene::{Bounds, Mesh, Scene};
+use crate::gpu::{Blas, BlasGeometry, Buffer, Device, Tlas, TlasInstance, Upload};
+use crate::scene::{Bounds, Instance, Mesh, Scene};
 
 crate::shared_structs! {
     /// The structs of `glsl/layout/geometry.glsl` that are made here.
@@ -51,18 +51,28 @@ crate::shared_structs! {
 
 /// The uploaded geometry.
 pub struct Geometry {
-    instances: Buffer,
     /// Addresses of the mesh records.
-    meshes: Buffer,
-    /// The tree over instances.
-    nodes: Option<Buffer>,
-    tlas: Option<Tlas>,
+    meshes: Arc<Buffer>,
+    placement: Placement,
+    /// Around each mesh, for the tree over instances; empty for ray query.
+    bounds: Vec<Bounds>,
+    /// Each mesh, for ray query.
+    structures: Vec<Arc<Blas>>,
     /// Entries that a walk's stack needs at most.
     stack: u32,
     is_cpu: bool,
     subgroup_size: u32,
     // Held for the mesh records' pointers.
-    buffers: Vec<Buffer>,
+    buffers: Vec<Arc<Buffer>>,
+}
+
+/// Where the meshes stand: what is made anew when one moves.
+#[derive(Clone)]
+pub struct Placement {
+    instances: Arc<Buffer>,
+    /// The tree over instances.
+    nodes: Option<Arc<Buffer>>,
+    tlas: Option<Arc<Tlas>>,
 }
 
 impl Geometry {
@@ -71,14 +81,23 @@ impl Geometry {
     /// # Errors
     /// [`Traversal::RayQuery`] on a device without it, a mesh with too many triangles, out of memory.
     pub fn upload(device: &Arc<Device>, scene: &Scene, traversal: Traversal) -> Result<Geometry, Error> {
-        let mut uploader = Uploader { device, buffers: Vec::new() };
+        Geometry::new(&mut Upload::now(device), scene, traversal)
+    }
+
+    /// The same by way of `upload`. One that comes later leaves room for the instances to move.
+    ///
+    /// # Errors
+    /// As of [`Geometry::upload`].
+    pub fn new(upload: &mut Upload, scene: &Scene, traversal: Traversal) -> Result<Geometry, Error> {
+        let device = upload.device().clone();
+        let mut uploader = Uploader { upload, buffers: Vec::new() };
         let mut records = Vec::with_capacity(scene.meshes.len());
         for mesh in &scene.meshes {
             records.push(uploader.mesh(mesh)?);
         }
         let mut stack = 0;
-        let mut nodes = None;
-        let mut tlas = None;
+        let mut bounds = Vec::new();
+        let mut structures = Vec::new();
         match traversal {
             Traversal::Bvh => {
                 let trees: Vec<Bvh> = scene.meshes.par_iter().map(build).collect::<Result<_, _>>()?;
@@ -89,57 +108,95 @@ impl Geometry {
                     // A packet's lanes read whole words of the last triangle, and beyond it.
                     triangles.extend([LeafTriangle::zeroed(); 4]);
                     record.leaf_triangles = uploader.upload::<LeafTriangle>(&mesh.name, &triangles)?;
+                    bounds.push(tree.bounds);
                 }
-                let top = over_instances(scene, &trees);
-                stack = stack.max(top.stack);
-                nodes = Some(Buffer::with_data::<BvhNode>(device, "tree over instances", &top.nodes)?);
             }
             Traversal::RayQuery => {
-                tlas = Some(acceleration_structure(device, scene, &records)?);
+                for (mesh, record) in scene.meshes.iter().zip(&records) {
+                    structures.push(uploader.upload.blas(&[BlasGeometry {
+                        positions: record.positions,
+                        vertex_count: mesh.positions.len() as u32,
+                        indices: record.indices,
+                        triangle_count: mesh.triangles.len() as u32,
+                    }])?);
+                }
             }
         }
-        let instances: Vec<_> = scene
-            .instances
-            .iter()
-            .map(|instance| InstanceRecord {
-                object_to_world: instance.object_to_world.to_cols_array(),
-                world_to_object: inverse(&instance.object_to_world),
-                mesh: instance.mesh,
-            })
-            .collect();
         let first = uploader.upload("mesh records", &records)?;
+        let Uploader { upload, buffers } = uploader;
         let meshes: Vec<u64> =
             (0..records.len()).map(|index| first + (index * size_of::<MeshRecord>()) as u64).collect();
+        let meshes = upload.buffer("meshes", &meshes)?;
+        let instances = upload.buffer("instances", &instance_records(scene))?;
+        let mut placement = Placement { instances, nodes: None, tlas: None };
+        match traversal {
+            Traversal::Bvh => {
+                let top = over_instances(scene, &bounds, MAX_STACK);
+                stack = stack.max(top.stack);
+                if upload.is_later() {
+                    stack = stack.max(Bvh::balanced_stack(scene.instances.len()));
+                }
+                placement.nodes = Some(upload.buffer::<BvhNode>("tree over instances", &top.nodes)?);
+            }
+            Traversal::RayQuery => placement.tlas = Some(upload.tlas(&tlas_instances(scene, &structures))?),
+        }
         Ok(Geometry {
-            instances: Buffer::with_data(device, "instances", &instances)?,
-            meshes: Buffer::with_data(device, "meshes", &meshes)?,
-            nodes,
-            tlas,
+            meshes,
+            placement,
+            bounds,
+            structures,
             stack,
             is_cpu: device.profile().is_cpu,
             subgroup_size: device.limits().subgroup_size,
-            buffers: uploader.buffers,
+            buffers,
         })
     }
 
-    /// Where the kernels find the instances.
-    pub fn instances_address(&self) -> u64 {
-        self.instances.address()
+    /// The instances of a scene with the same meshes, their top level built anew: a tree here, an acceleration structure where
+    /// the upload is recorded. Nothing changes until [`Geometry::place`].
+    ///
+    /// # Errors
+    /// Out of memory, or so many more instances that the kernels' stack is too small for a tree over them.
+    pub fn placed(&self, upload: &mut Upload, scene: &Scene) -> Result<Placement, Error> {
+        let now = &self.placement;
+        let mut next = Placement {
+            instances: overwrite(upload, Some(&now.instances), "instances", &instance_records(scene))?,
+            nodes: None,
+            tlas: None,
+        };
+        if let Some(nodes) = &now.nodes {
+            let top = over_instances(scene, &self.bounds, self.stack);
+            if top.stack > self.stack {
+                return Err(Error::Fixed { what: format!("a tree over {} instances", scene.instances.len()) });
+            }
+            next.nodes = Some(overwrite(upload, Some(nodes), "tree over instances", &top.nodes)?);
+        }
+        if let Some(tlas) = &now.tlas {
+            let instances = tlas_instances(scene, &self.structures);
+            next.tlas = Some(match tlas.count() == instances.len() {
+                true => {
+                    upload.rebuild(tlas, &instances)?;
+                    tlas.clone()
+                }
+                false => upload.tlas(&instances)?,
+            });
+        }
+        Ok(next)
+    }
+
+    /// Takes what [`Geometry::placed`] made; returns what was there, for as long as work may use it.
+    pub fn place(&mut self, placement: Placement) -> Placement {
+        std::mem::replace(&mut self.placement, placement)
+    }
+
+    /// What [`Geometry::place`] took last.
+    pub fn placement(&self) -> &Placement {
+        &self.placement
     }
 
     /// Where the kernels find the meshes.
     pub fn meshes_address(&self) -> u64 {
         self.meshes.address()
-    }
-
-    /// Where the kernels find the tree over instances; 0 for ray query.
-    pub fn nodes_address(&self) -> u64 {
-        self.nodes.as_ref().map_or(0, Buffer::address)
-    }
-
-    /// The top-level acceleration structure, for ray query.
-    pub fn tlas(&self) -> Option<&Tlas> {
-        self.tlas.as_ref()
     }
 
     /// What a kernel that includes `lib/trace_bvh.glsl` is to be specialized with, as (id, value): whether subgroups walk as
@@ -160,14 +217,48 @@ impl Geometry {
 
     /// Bytes of device memory, acceleration structures of the driver's excepted.
     pub fn bytes(&self) -> u64 {
-        let nodes = self.nodes.as_ref().map_or(0, Buffer::size);
-        self.instances.size() + self.meshes.size() + nodes + self.buffers.iter().map(Buffer::size).sum::<u64>()
+        let Placement { instances, nodes, .. } = &self.placement;
+        let buffers = self.buffers.iter().chain([&self.meshes, instances]).chain(nodes);
+        buffers.map(|buffer| buffer.size()).sum()
+    }
+}
+
+impl Placement {
+    /// Where the kernels find the instances.
+    pub fn instances_address(&self) -> u64 {
+        self.instances.address()
+    }
+
+    /// Where the kernels find the tree over instances; 0 for ray query.
+    pub fn nodes_address(&self) -> u64 {
+        self.nodes.as_ref().map_or(0, |nodes| nodes.address())
+    }
+
+    /// The top-level acceleration structure, for ray query.
+    pub fn tlas(&self) -> Option<&Tlas> {
+        self.tlas.as_deref()
+    }
+}
+
+/// The buffer overwritten with the data where they fit, else a new one.
+pub(super) fn overwrite<T: bytemuck::Pod>(
+    upload: &mut Upload,
+    buffer: Option<&Arc<Buffer>>,
+    name: &str,
+    data: &[T],
+) -> Result<Arc<Buffer>, Error> {
+    match buffer.filter(|buffer| size_of_val(data) as u64 <= buffer.size()) {
+        Some(buffer) => {
+            upload.write(buffer, data)?;
+            Ok(buffer.clone())
+        }
+        None => Ok(upload.buffer(name, data)?),
     }
 }
 
 struct Uploader<'a> {
-    device: &'a Arc<Device>,
-    buffers: Vec<Buffer>,
+    upload: &'a mut Upload,
+    buffers: Vec<Arc<Buffer>>,
 }
 
 impl Uploader<'_> {
@@ -176,7 +267,7 @@ impl Uploader<'_> {
         if data.is_empty() {
             return Ok(0);
         }
-        let buffer = Buffer::with_data(self.device, name, data)?;
+        let buffer = self.upload.buffer(name, data)?;
         let address = buffer.address();
         self.buffers.push(buffer);
         Ok(address)
@@ -205,14 +296,23 @@ fn build(mesh: &Mesh) -> Result<Bvh, Error> {
     Ok(Bvh::over_triangles(mesh))
 }
 
-/// A tree over the instances' boxes in the world. Its leaves hold an instance's index each.
-fn over_instances(scene: &Scene, trees: &[Bvh]) -> Bvh {
+fn instance_records(scene: &Scene) -> Vec<InstanceRecord> {
+    let record = |instance: &Instance| InstanceRecord {
+        object_to_world: instance.object_to_world.to_cols_array(),
+        world_to_object: inverse(&instance.object_to_world),
+        mesh: instance.mesh,
+    };
+    scene.instances.iter().map(record).collect()
+}
+
+/// A tree over the instances' boxes in the world, for such a stack if that can be. Its leaves hold an instance's index each.
+fn over_instances(scene: &Scene, bounds: &[Bounds], stack: u32) -> Bvh {
     let boxes: Vec<Bounds> = scene
         .instances
         .iter()
-        .map(|instance| world_box(&trees[instance.mesh as usize].bounds, &instance.object_to_world))
+        .map(|instance| world_box(&bounds[instance.mesh as usize], &instance.object_to_world))
         .collect();
-    Bvh::over_single_boxes(&boxes)
+    Bvh::over_single_boxes(&boxes, stack)
 }
 
 /// The box in the world around a box that is moved, with room for the rounding of rays that go the other way.
@@ -239,28 +339,17 @@ fn inverse(transform: &Affine3A) -> [f32; 12] {
     wide(transform).inverse().to_cols_array().map(|number| number as f32)
 }
 
-fn acceleration_structure(device: &Arc<Device>, scene: &Scene, records: &[MeshRecord]) -> Result<Tlas, Error> {
-    let mut meshes = Vec::with_capacity(records.len());
-    for (mesh, record) in scene.meshes.iter().zip(records) {
-        let geometry = BlasGeometry {
-            positions: record.positions,
-            vertex_count: mesh.positions.len() as u32,
-            indices: record.indices,
-            triangle_count: mesh.triangles.len() as u32,
-        };
-        meshes.push(Blas::build(device, &[geometry])?);
-    }
-    let instances: Vec<_> = (0..)
+fn tlas_instances(scene: &Scene, structures: &[Arc<Blas>]) -> Vec<TlasInstance> {
+    (0..)
         .zip(&scene.instances)
         .map(|(index, instance)| {
             let columns = instance.object_to_world.to_cols_array();
             TlasInstance {
-                blas: meshes[instance.mesh as usize].clone(),
+                blas: structures[instance.mesh as usize].clone(),
                 transform: std::array::from_fn(|i| columns[i % 4 * 3 + i / 4]),
                 custom_index: index,
                 mask: 0xff,
             }
         })
-        .collect();
-    Ok(Tlas::build(device, &instances)?)
+        .collect()
 }

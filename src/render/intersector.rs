@@ -120,9 +120,9 @@ impl Intersector {
             Ok::<_, Error>(Kernel::new(device, source, &specialization)?)
         };
         let table = SceneTable {
-            instances: geometry.instances_address(),
+            instances: geometry.placement().instances_address(),
             meshes: geometry.meshes_address(),
-            nodes: geometry.nodes_address(),
+            nodes: geometry.placement().nodes_address(),
             ..bytemuck::Zeroable::zeroed()
         };
         Ok(Intersector {
@@ -169,7 +169,7 @@ impl Intersector {
             padding: 0,
         };
         let mut commands = Commands::begin(&self.device)?;
-        if let Some(tlas) = self.geometry.tlas() {
+        if let Some(tlas) = self.geometry.placement().tlas() {
             commands.bind_tlas(tlas);
         }
         commands.timestamp("intersect");

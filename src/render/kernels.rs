@@ -63,6 +63,50 @@ impl Features {
         }
     }
 
+    /// No feature at all.
+    pub const NONE: Features = Features {
+        families: 0,
+        neubrdf_queues: 1,
+        emitters: false,
+        environment: false,
+        sun: false,
+        textures: false,
+        lens: false,
+        instanced: false,
+    };
+
+    /// What one of both has.
+    pub fn or(&self, other: &Features) -> Features {
+        Features {
+            families: self.families | other.families,
+            neubrdf_queues: self.neubrdf_queues.max(other.neubrdf_queues),
+            emitters: self.emitters || other.emitters,
+            environment: self.environment || other.environment,
+            sun: self.sun || other.sun,
+            textures: self.textures || other.textures,
+            lens: self.lens || other.lens,
+            instanced: self.instanced || other.instanced,
+        }
+    }
+
+    /// Something that `other` has and this lacks.
+    pub fn lacks_of(&self, other: &Features) -> Option<String> {
+        let missing = Family::ALL.into_iter().find(|family| other.has(*family) && !self.has(*family));
+        if let Some(family) = missing {
+            return Some(format!("materials of the family {}", family.name()));
+        }
+        let what = [
+            (self.neubrdf_queues >= other.neubrdf_queues, "so many NeuBRDFs"),
+            (self.emitters || !other.emitters, "emissive triangles"),
+            (self.environment || !other.environment, "a sky"),
+            (self.sun || !other.sun, "a sun"),
+            (self.textures || !other.textures, "textures"),
+            (self.lens || !other.lens, "a lens"),
+            (self.instanced || !other.instanced, "instances that move"),
+        ];
+        what.into_iter().find(|(fine, _)| !fine).map(|(_, what)| what.to_string())
+    }
+
     /// Whether some material of the family is in the scene.
     pub fn has(&self, family: Family) -> bool {
         self.families & 1 << family as u32 != 0

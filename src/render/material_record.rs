@@ -5,8 +5,10 @@ use std::sync::Arc;
 use glam::Vec2;
 
 use super::brdf_table;
-use super::neubrdf_table::{NeuBrdfShape, neubrdf_queue, neubrdfs};
-use crate::material::{CoatAlbedo, INDEX_MATCH, Prepared, SMOOTH_ALPHA, color};
+use super::error::Error;
+use super::neubrdf_table::{NeuBrdfShape, neubrdf_precision, neubrdf_queue, neubrdfs};
+use crate::gpu::{Buffer, Upload};
+use crate::material::{CoatAlbedo, INDEX_MATCH, Prepared, SMOOTH_ALPHA, color, is_alike};
 use crate::scene::brdf::Precision;
 use crate::scene::{Brdf, Fresnel, Material, Surface};
 
@@ -128,10 +130,13 @@ impl MaterialRecord {
     pub const PART_SHIFT: u32 = 8;
 
     /// All of a material but the address of its table.
-    fn new(material: &Material, family: Family, prepared: &Prepared) -> MaterialRecord {
+    fn new(material: &Material, prepared: &Prepared, brdfs: &[Arc<Brdf>]) -> MaterialRecord {
         let Material { surface, emission, .. } = material;
         let color = color(surface);
-        let mut flags = family as u32;
+        let mut flags = family(surface, brdfs) as u32;
+        if let Surface::Measured { brdf } = *surface {
+            flags |= neubrdf_queue(brdfs, brdf as usize) << MaterialRecord::PART_SHIFT;
+        }
         let mut set = |flag, condition| flags |= if condition { flag } else { 0 };
         set(Self::EMITS, material.is_emissive());
         set(Self::EMITS_BOTH_SIDES, material.emits_both_sides);
@@ -180,23 +185,94 @@ pub struct MaterialTable {
     table_of: Vec<Option<usize>>,
 }
 
+/// The materials of a scene on the device, of which one may be replaced.
+#[derive(Clone)]
+pub struct DeviceMaterials {
+    /// The records.
+    pub buffer: Arc<Buffer>,
+    records: Vec<MaterialRecord>,
+    tables: Vec<Option<Arc<Buffer>>>,
+    prepared: Vec<Arc<Prepared>>,
+}
+
+impl DeviceMaterials {
+    /// Uploads the materials of a scene with these BRDFs, the numbers of NeuBRDFs in that precision, or in half where it loses
+    /// nothing. Returns what kernels that evaluate its NeuBRDFs are built for, too.
+    pub fn new(
+        upload: &mut Upload,
+        materials: &[Material],
+        brdfs: &[Arc<Brdf>],
+        precision: Option<Precision>,
+    ) -> Result<(DeviceMaterials, NeuBrdfShape), Error> {
+        let prepared = Prepared::all(materials, brdfs);
+        let packed =
+            MaterialTable::of(materials, &prepared, brdfs, precision.unwrap_or_else(|| neubrdf_precision(brdfs)));
+        let tables = packed.tables.iter().map(|table| Ok(upload.buffer("material table", table)?));
+        let tables = tables.collect::<Result<Vec<_>, Error>>()?;
+        let addresses: Vec<u64> = tables.iter().map(|table| table.address()).collect();
+        let records = packed.records(&addresses);
+        let uploaded = DeviceMaterials {
+            buffer: upload.buffer("materials", &records)?,
+            records,
+            tables: packed.table_of.iter().map(|index| index.map(|index| tables[index].clone())).collect(),
+            prepared,
+        };
+        Ok((uploaded, packed.neubrdf_shape))
+    }
+
+    /// Replaces the materials of those indices by what the scene has there; `before` are those that were packed.
+    pub fn replace(
+        &mut self,
+        upload: &mut Upload,
+        (before, now): (&[Material], &[Material]),
+        changed: &[usize],
+        brdfs: &[Arc<Brdf>],
+        shape: &NeuBrdfShape,
+    ) -> Result<(), Error> {
+        let (prepared, tables) = (self.prepared.clone(), self.tables.clone());
+        for &index in changed {
+            let Material { surface, .. } = &now[index];
+            // What costs time is shared with whichever material had it before.
+            let twin = before.iter().position(|material| is_alike(&material.surface, surface));
+            (self.prepared[index], self.tables[index]) = match twin {
+                Some(twin) => (prepared[twin].clone(), tables[twin].clone()),
+                None => {
+                    let prepared = Arc::new(Prepared::new(surface, brdfs));
+                    let table = table(surface, &prepared, brdfs, shape);
+                    let table = table.map(|words| upload.buffer("material table", &words)).transpose()?;
+                    (prepared, table)
+                }
+            };
+            let address = self.tables[index].as_ref().map_or(0, |table| table.address());
+            let record = MaterialRecord::new(&now[index], &self.prepared[index], brdfs);
+            self.records[index] = MaterialRecord { table: address, ..record };
+        }
+        upload.write(&self.buffer, &self.records)?;
+        Ok(())
+    }
+}
+
 impl MaterialTable {
     /// Packs the materials of a scene with these BRDFs; the numbers of NeuBRDFs in that precision.
     pub fn new(materials: &[Material], brdfs: &[Arc<Brdf>], precision: Precision) -> MaterialTable {
+        MaterialTable::of(materials, &Prepared::all(materials, brdfs), brdfs, precision)
+    }
+
+    fn of(
+        materials: &[Material],
+        prepared: &[Arc<Prepared>],
+        brdfs: &[Arc<Brdf>],
+        precision: Precision,
+    ) -> MaterialTable {
         let neubrdf_shape = NeuBrdfShape::of(neubrdfs(brdfs.iter().map(Arc::as_ref)), precision);
         let mut packed = MaterialTable { tables: Vec::new(), neubrdf_shape, records: Vec::new(), table_of: Vec::new() };
         let mut known: Vec<(Arc<Prepared>, Option<usize>)> = Vec::new();
-        for (material, prepared) in materials.iter().zip(Prepared::all(materials, brdfs)) {
-            let family = family(&material.surface, brdfs);
-            let mut record = MaterialRecord::new(material, family, &prepared);
-            if let Surface::Measured { brdf } = material.surface {
-                record.flags |= neubrdf_queue(brdfs, brdf as usize) << MaterialRecord::PART_SHIFT;
-            }
-            packed.records.push(record);
-            let position = known.iter().position(|(other, _)| Arc::ptr_eq(other, &prepared)).unwrap_or_else(|| {
-                let table = table(&material.surface, &prepared, brdfs, &neubrdf_shape);
+        for (material, prepared) in materials.iter().zip(prepared) {
+            packed.records.push(MaterialRecord::new(material, prepared, brdfs));
+            let position = known.iter().position(|(other, _)| Arc::ptr_eq(other, prepared)).unwrap_or_else(|| {
+                let table = table(&material.surface, prepared, brdfs, &neubrdf_shape);
                 let table = table.map(|table| packed.push_table(table));
-                known.push((prepared, table));
+                known.push((prepared.clone(), table));
                 known.len() - 1
             });
             packed.table_of.push(known[position].1);

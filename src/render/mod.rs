@@ -16,6 +16,7 @@ mod kernels;
 mod layout;
 mod material_record;
 mod neubrdf_table;
+mod path_tracer;
 mod pool;
 mod renderer;
 mod session;
@@ -23,6 +24,7 @@ mod settings;
 
 pub use brdf_table::BRDF_STRUCTS;
 pub use checkpoint::{Checkpoint, Identity};
+pub(crate) use device_scene::Changed;
 pub use error::Error;
 pub use geometry::{GEOMETRY_STRUCTS, Geometry, InstanceRecord, MeshRecord};
 pub use intersector::{Intersector, Query, RAY_STRUCTS, Ray, RayBatch, RayHit};
@@ -33,6 +35,8 @@ pub use neubrdf_table::{
     NEUBRDF_STRUCTS, NeuBrdfPush, NeuBrdfQuery, NeuBrdfShape, NeuBrdfTable, NeuBrdfValues, SphereTableRecord,
     pack_neubrdf,
 };
+pub(crate) use path_tracer::{ERROR_WORKGROUPS, PathTracer};
 pub use renderer::{Options, Renderer};
+pub(crate) use session::FEWEST_SAMPLES_FOR_ERROR;
 pub use session::{Limits, Progress, Stopped, run};
 pub use settings::{BsdfSampling, Sampler, Settings, Traversal, UnknownChoice};

@@ -7,7 +7,7 @@ use super::kernels::Features;
 use super::layout::{PathPool, QueueCounter};
 use super::material_record::Family;
 use super::settings::Settings;
-use crate::gpu::{Buffer, Commands, Device, Memory};
+use crate::gpu::{Buffer, Commands, Memory, Upload};
 
 /// A bounce's queues.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -51,7 +51,7 @@ pub struct Pool {
     first_normal: u64,
     features: Features,
     counters: Buffer,
-    empty_counters: Buffer,
+    empty_counters: Arc<Buffer>,
     // The table points to them.
     arrays: Vec<Buffer>,
 }
@@ -59,12 +59,13 @@ pub struct Pool {
 impl Pool {
     /// Makes a pool of `capacity` paths (≥ 1), without what the scene and the settings have no use for.
     pub fn new(
-        device: &Arc<Device>,
+        upload: &mut Upload,
         capacity: u32,
         settings: &Settings,
         features: &Features,
         workgroup_size: u32,
     ) -> Result<Pool, Error> {
+        let device = &upload.device().clone();
         let capacity = capacity.min(device.limits().max_compute_work_group_count[0].saturating_mul(workgroup_size));
         let mut arrays = Vec::new();
         let mut array = |name: &str, bytes: u64, wanted: bool| -> Result<u64, Error> {
@@ -80,8 +81,7 @@ impl Pool {
         let queues = u64::from(queue_count(features));
         let bounces = u64::from(settings.max_depth) + 1;
         let empty = QueueCounter { groups: [0, 1, 1], count: 0 };
-        let empty_counters =
-            Buffer::with_data(device, "empty queue counters", &vec![empty; (bounces * queues) as usize])?;
+        let empty_counters = upload.buffer("empty queue counters", &vec![empty; (bounces * queues) as usize])?;
         let counters = Buffer::new(device, "queue counters", empty_counters.size(), Memory::Device)?;
         let table = PathPool {
             origin: array("ray origins", 16, true)?,
@@ -107,7 +107,7 @@ impl Pool {
 
     /// Its size on the device.
     pub fn bytes(&self) -> u64 {
-        self.arrays.iter().chain([&self.counters, &self.empty_counters]).map(Buffer::size).sum()
+        self.arrays.iter().chain([&self.counters, &*self.empty_counters]).map(Buffer::size).sum()
     }
 
     /// Where the kernels find its arrays.

@@ -47,7 +47,7 @@ pub struct Progress {
 pub(super) const LONGEST_PASS: u32 = 16;
 
 /// Fewer samples than this tell nothing about their spread.
-const FEWEST_SAMPLES_FOR_ERROR: u32 = 4;
+pub const FEWEST_SAMPLES_FOR_ERROR: u32 = 4;
 
 /// Renders until a limit is reached or `observe`, called after each pass, breaks.
 ///

@@ -88,6 +88,11 @@ pub enum Fresnel {
 
 impl Surface {
     /// The colour that a texture may multiply, where the model has one.
+    pub(super) fn color(&self) -> Option<Color> {
+        self.clone().color_mut().copied()
+    }
+
+    /// The same, to change it.
     pub(super) fn color_mut(&mut self) -> Option<&mut Color> {
         match self {
             Surface::Diffuse { albedo } | Surface::Coated { albedo, .. } => Some(albedo),

@@ -8,6 +8,7 @@
 
 pub mod brdf;
 mod camera;
+mod check;
 mod decode;
 pub(crate) mod error;
 mod file;
@@ -32,6 +33,7 @@ pub use brdf::{
     Brdf, HalfDifference, Merl, Nbrdf, Rgl, RglTable, RglTables, RglWarp, SamplingLobe, Sparse, SparseSample,
 };
 pub use camera::{Camera, Film, Lens};
+pub use check::Flaw;
 pub use error::{Error, Place, Warning};
 pub use layered::{LayerBase, Layered};
 pub use light::{Environment, Light, LightTable, Sun, luminance};

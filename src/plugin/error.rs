@@ -1,0 +1,72 @@
+//! What can go wrong in a host.
+
+use crate::scene::Flaw;
+use crate::{gpu, render};
+
+/// A plugin's error. Whatever it says, the renderer is as it was before the call.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum Error {
+    /// Vulkan refused: out of memory, a lost device, a mistake of the host's.
+    #[error(transparent)]
+    Gpu(gpu::Error),
+    /// The settings are out of range, or the device lacks what they need.
+    #[error(transparent)]
+    Render(render::Error),
+    /// The scene, or a change of it, makes no sense.
+    #[error(transparent)]
+    Scene(#[from] Flaw),
+    /// The change needs kernels that were not built.
+    #[error("the kernels were not built for {what}: make a new renderer, or name it in Options::reserve beforehand")]
+    NewRenderer {
+        /// What they lack.
+        what: String,
+    },
+    /// As many frames as the renderer was made for are recorded and not known to be done.
+    #[error("{pending} frames are not known to be done, and the renderer was made for {most}: call Renderer::complete")]
+    FramesInFlight {
+        /// Recordings that are not done.
+        pending: u64,
+        /// [`Options::frames_in_flight`](super::Options::frames_in_flight)
+        most: u32,
+    },
+    /// The commands are for another device.
+    #[error("the commands are recorded for another device than the renderer was made on")]
+    OtherDevice,
+    /// A frame has more samples than a pixel can have.
+    #[error("{asked} more samples after {taken}: a pixel holds {} in all", u32::MAX)]
+    Samples {
+        /// Those asked for.
+        asked: u32,
+        /// Those taken.
+        taken: u32,
+    },
+    /// A channel that is not gathered.
+    #[error("channel {channel} is not gathered: set Settings::features")]
+    NoFeatures {
+        /// Its name.
+        channel: &'static str,
+    },
+    /// A channel that no 8-bit picture shows.
+    #[error("channel {channel} in an 8-bit format: ask for a floating-point format")]
+    Format {
+        /// Its name.
+        channel: &'static str,
+    },
+}
+
+impl From<gpu::Error> for Error {
+    fn from(error: gpu::Error) -> Error {
+        Error::Gpu(error)
+    }
+}
+
+impl From<render::Error> for Error {
+    fn from(error: render::Error) -> Error {
+        match error {
+            render::Error::Gpu(error) => Error::Gpu(error),
+            render::Error::Fixed { what } => Error::NewRenderer { what },
+            error => Error::Render(error),
+        }
+    }
+}

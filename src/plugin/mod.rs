@@ -1,0 +1,17 @@
+//! The path tracer inside somebody else's engine: it records into the host's command buffers, and does nothing else to the
+//! host's device. `docs/embedding.md` is the page to begin with.
+
+mod change;
+mod error;
+mod layout;
+mod mark;
+mod renderer;
+mod slots;
+mod target;
+
+pub use change::Change;
+pub use error::Error;
+pub use layout::{DEVELOP_STRUCTS, DevelopPass};
+pub use renderer::{Frame, Options, Renderer};
+pub use slots::Status;
+pub use target::{Channel, PixelFormat, Place, Target};

@@ -1,0 +1,379 @@
+//! An engine, as far as tests need one: its own instance, device, queue and command buffers, under synchronization
+//! validation, with all that it makes in vectors that it destroys in the end.
+
+use std::ffi::{CStr, c_void};
+use std::sync::{Arc, Mutex};
+
+use ash::{ext, vk};
+use neubrdf::gpu::{Additions, Commands, Device, HostBuffer, HostDevice, HostImage, requirements};
+
+type Messages = Mutex<Vec<String>>;
+
+pub struct Host {
+    pub device: ash::Device,
+    pub queue: vk::Queue,
+    pub ray_query: bool,
+    pub name: String,
+    physical: vk::PhysicalDevice,
+    memory: vk::PhysicalDeviceMemoryProperties,
+    pool: vk::CommandPool,
+    instance: ash::Instance,
+    debug: (ext::debug_utils::Instance, vk::DebugUtilsMessengerEXT),
+    messages: Box<Messages>,
+    entry: ash::Entry,
+}
+
+/// A command buffer with the fence that tells when it is done.
+pub struct Recording {
+    pub commands: vk::CommandBuffer,
+    fence: vk::Fence,
+}
+
+/// A buffer that the host reads.
+pub struct HostMemory {
+    pub raw: vk::Buffer,
+    memory: vk::DeviceMemory,
+    mapped: *const u8,
+    size: u64,
+}
+
+/// An image that only the device sees.
+pub struct DeviceImage {
+    pub raw: vk::Image,
+    memory: vk::DeviceMemory,
+    pub size: [u32; 2],
+}
+
+const VALIDATION: &CStr = c"VK_LAYER_KHRONOS_validation";
+
+/// Runs a check in a host on every device, with and without ray query where there is one, and insists that the validation
+/// layer says nothing, not even when the device is destroyed.
+pub fn in_every_host(check: impl Fn(&Host)) {
+    let required = std::env::var_os("NEUBRDF_REQUIRE_DRIVERS").is_some();
+    // SAFETY: the system's loader is trusted to be one.
+    let layers = unsafe { ash::Entry::load() }.ok().map(|entry| {
+        // SAFETY: the loader is loaded.
+        unsafe { entry.enumerate_instance_layer_properties() }.unwrap_or_default()
+    });
+    let has = layers.is_some_and(|layers| layers.iter().any(|l| l.layer_name_as_c_str() == Ok(VALIDATION)));
+    assert!(has || !required, "a Vulkan driver and the validation layer are required here");
+    let mut index = 0;
+    while let Some(host) = has.then(|| Host::new(index, true)).flatten() {
+        let ray_query = host.ray_query;
+        host.run(&check);
+        if let Some(without) = ray_query.then(|| Host::new(index, false)).flatten() {
+            without.run(&check);
+        }
+        index += 1;
+    }
+    if index == 0 {
+        eprintln!("skipped: no Vulkan device, or no validation layer");
+    }
+}
+
+impl Host {
+    fn run(self, check: &impl Fn(&Host)) {
+        eprintln!("on {}, {} ray query", self.name, if self.ray_query { "with" } else { "without" });
+        check(&self);
+        self.finish();
+    }
+
+    /// A host on the device of that index, if there is one.
+    pub fn new(index: usize, wants_ray_query: bool) -> Option<Host> {
+        // SAFETY: every handle is made from the one before, and destroyed in `finish`.
+        unsafe {
+            let entry = ash::Entry::load().ok()?;
+            let messages = Box::new(Messages::default());
+            let mut messenger_info = vk::DebugUtilsMessengerCreateInfoEXT::default()
+                .message_severity(
+                    vk::DebugUtilsMessageSeverityFlagsEXT::WARNING | vk::DebugUtilsMessageSeverityFlagsEXT::ERROR,
+                )
+                .message_type(vk::DebugUtilsMessageTypeFlagsEXT::VALIDATION)
+                .pfn_user_callback(Some(receive))
+                .user_data(std::ptr::from_ref::<Messages>(&messages).cast_mut().cast());
+            let enables = [vk::ValidationFeatureEnableEXT::SYNCHRONIZATION_VALIDATION];
+            let mut features = vk::ValidationFeaturesEXT::default().enabled_validation_features(&enables);
+            let application = vk::ApplicationInfo::default().api_version(vk::API_VERSION_1_2);
+            let layers = [VALIDATION.as_ptr()];
+            let extensions = [ext::debug_utils::NAME.as_ptr(), ext::validation_features::NAME.as_ptr()];
+            let info = vk::InstanceCreateInfo::default()
+                .application_info(&application)
+                .enabled_layer_names(&layers)
+                .enabled_extension_names(&extensions)
+                .push_next(&mut features);
+            let instance = entry.create_instance(&info, None).unwrap();
+            let debug = ext::debug_utils::Instance::new(&entry, &instance);
+            messenger_info.p_next = std::ptr::null();
+            let messenger = debug.create_debug_utils_messenger(&messenger_info, None).unwrap();
+            let close = || {
+                debug.destroy_debug_utils_messenger(messenger, None);
+                instance.destroy_instance(None);
+            };
+            let Some(physical) = instance.enumerate_physical_devices().unwrap_or_default().get(index).copied() else {
+                close();
+                return None;
+            };
+
+            // What a host does to be fit for us: ask, and merge.
+            let mut required = requirements(&instance, physical);
+            assert!(required.missing.is_empty(), "{} lacks {:?}", required.device, required.missing);
+            required.ray_query &= wants_ray_query;
+            let queues = [vk::DeviceQueueCreateInfo::default().queue_priorities(&[1.0])];
+            let mut features = vk::PhysicalDeviceVulkan12Features::default().host_query_reset(true);
+            let mut additions = Additions::default();
+            let info = vk::DeviceCreateInfo::default().queue_create_infos(&queues).push_next(&mut features);
+            let info = required.merge(info, &mut additions);
+            let device = instance.create_device(physical, &info, None).unwrap();
+            let queue = device.get_device_queue(0, 0);
+            let info = vk::CommandPoolCreateInfo::default();
+            let pool = device.create_command_pool(&info, None).unwrap();
+            let memory = instance.get_physical_device_memory_properties(physical);
+            Some(Host {
+                device,
+                queue,
+                ray_query: required.ray_query,
+                name: required.device,
+                physical,
+                memory,
+                pool,
+                instance,
+                debug: (debug, messenger),
+                messages,
+                entry,
+            })
+        }
+    }
+
+    /// What the plugin is told of this host.
+    pub fn host_device(&self) -> HostDevice {
+        let (entry, instance, device) = (self.entry.clone(), self.instance.clone(), self.device.clone());
+        let mut host = HostDevice::new(entry, instance, self.physical, device, 0);
+        host.ray_query = self.ray_query;
+        host.debug_utils = true;
+        host
+    }
+
+    /// The device, lent to the plugin.
+    pub fn lend(&self) -> Arc<Device> {
+        // SAFETY: the handles belong together; tests drop what they made before the host.
+        unsafe { Device::from_host(self.host_device()).unwrap() }
+    }
+
+    /// The device, lent together with the queue: for what submits and waits by itself.
+    pub fn lend_with_queue(&self) -> Arc<Device> {
+        let mut host = self.host_device();
+        host.queue = Some(self.queue);
+        // SAFETY: as above, and tests submit from one thread.
+        unsafe { Device::from_host(host).unwrap() }
+    }
+
+    /// Begins a command buffer.
+    pub fn begin(&self) -> Recording {
+        let info = vk::CommandBufferAllocateInfo::default().command_pool(self.pool).command_buffer_count(1);
+        // SAFETY: pool and device are alive.
+        unsafe {
+            let commands = self.device.allocate_command_buffers(&info).unwrap()[0];
+            let info = vk::CommandBufferBeginInfo::default().flags(vk::CommandBufferUsageFlags::ONE_TIME_SUBMIT);
+            self.device.begin_command_buffer(commands, &info).unwrap();
+            let fence = self.device.create_fence(&vk::FenceCreateInfo::default(), None).unwrap();
+            Recording { commands, fence }
+        }
+    }
+
+    /// The plugin's view of a command buffer.
+    pub fn wrap(&self, device: &Arc<Device>, recording: &Recording) -> Commands {
+        // SAFETY: it is being recorded, by nobody else; tests wait before they drop what was recorded.
+        unsafe { Commands::wrap(device, recording.commands) }
+    }
+
+    pub fn submit(&self, recording: &Recording) {
+        let buffers = [recording.commands];
+        let info = vk::SubmitInfo::default().command_buffers(&buffers);
+        // SAFETY: the command buffer was recorded and is submitted once.
+        unsafe {
+            self.device.end_command_buffer(recording.commands).unwrap();
+            self.device.queue_submit(self.queue, &[info], recording.fence).unwrap();
+        }
+    }
+
+    pub fn wait(&self, recording: Recording) {
+        // SAFETY: the fence was submitted; afterwards nothing uses fence and command buffer.
+        unsafe {
+            self.device.wait_for_fences(&[recording.fence], true, u64::MAX).unwrap();
+            self.forget(recording);
+        }
+    }
+
+    /// Gives a recording up that was not submitted, or is done.
+    ///
+    /// # Safety
+    /// It is not pending.
+    pub unsafe fn forget(&self, recording: Recording) {
+        // SAFETY: as the caller says.
+        unsafe {
+            self.device.destroy_fence(recording.fence, None);
+            self.device.free_command_buffers(self.pool, &[recording.commands]);
+        }
+    }
+
+    /// Records, submits and waits.
+    pub fn run_commands<T>(&self, device: &Arc<Device>, record: impl FnOnce(&mut Commands) -> T) -> T {
+        let recording = self.begin();
+        let mut commands = self.wrap(device, &recording);
+        let result = record(&mut commands);
+        commands.finish().unwrap();
+        self.submit(&recording);
+        self.wait(recording);
+        result
+    }
+
+    fn allocate(&self, requirements: &vk::MemoryRequirements, wanted: vk::MemoryPropertyFlags) -> vk::DeviceMemory {
+        let types = self.memory.memory_types_as_slice().iter();
+        let fits = |(index, kind): (usize, &vk::MemoryType)| {
+            requirements.memory_type_bits >> index & 1 == 1 && kind.property_flags.contains(wanted)
+        };
+        let index = types.enumerate().position(fits).unwrap() as u32;
+        let info = vk::MemoryAllocateInfo::default().allocation_size(requirements.size).memory_type_index(index);
+        // SAFETY: the type is one that the requirements allow.
+        unsafe { self.device.allocate_memory(&info, None).unwrap() }
+    }
+
+    pub fn buffer(&self, size: u64) -> HostMemory {
+        let usage = vk::BufferUsageFlags::TRANSFER_DST | vk::BufferUsageFlags::TRANSFER_SRC;
+        let info = vk::BufferCreateInfo::default().size(size).usage(usage);
+        // SAFETY: the memory fits; it stays mapped until `free_buffer`.
+        unsafe {
+            let raw = self.device.create_buffer(&info, None).unwrap();
+            let visible = vk::MemoryPropertyFlags::HOST_VISIBLE | vk::MemoryPropertyFlags::HOST_COHERENT;
+            let memory = self.allocate(&self.device.get_buffer_memory_requirements(raw), visible);
+            self.device.bind_buffer_memory(raw, memory, 0).unwrap();
+            let mapped = self.device.map_memory(memory, 0, size, vk::MemoryMapFlags::empty()).unwrap();
+            HostMemory { raw, memory, mapped: mapped.cast(), size }
+        }
+    }
+
+    pub fn image(&self, size: [u32; 2], format: vk::Format) -> DeviceImage {
+        let info = vk::ImageCreateInfo::default()
+            .image_type(vk::ImageType::TYPE_2D)
+            .format(format)
+            .extent(vk::Extent3D { width: size[0], height: size[1], depth: 1 })
+            .mip_levels(1)
+            .array_layers(1)
+            .samples(vk::SampleCountFlags::TYPE_1)
+            .usage(vk::ImageUsageFlags::TRANSFER_DST | vk::ImageUsageFlags::TRANSFER_SRC);
+        // SAFETY: the memory fits.
+        unsafe {
+            let raw = self.device.create_image(&info, None).unwrap();
+            let requirements = self.device.get_image_memory_requirements(raw);
+            let memory = self.allocate(&requirements, vk::MemoryPropertyFlags::empty());
+            self.device.bind_image_memory(raw, memory, 0).unwrap();
+            DeviceImage { raw, memory, size }
+        }
+    }
+
+    /// The bytes of an image that is in `TRANSFER_SRC_OPTIMAL`.
+    pub fn read_image(&self, image: &DeviceImage, bytes_per_texel: u64) -> Vec<u8> {
+        let [width, height] = image.size;
+        let buffer = self.buffer(u64::from(width) * u64::from(height) * bytes_per_texel);
+        let layers = vk::ImageSubresourceLayers::default().aspect_mask(vk::ImageAspectFlags::COLOR).layer_count(1);
+        let region = vk::BufferImageCopy::default().image_subresource(layers).image_extent(vk::Extent3D {
+            width,
+            height,
+            depth: 1,
+        });
+        let recording = self.begin();
+        let layout = vk::ImageLayout::TRANSFER_SRC_OPTIMAL;
+        // SAFETY: the buffer holds the image.
+        unsafe {
+            self.device.cmd_copy_image_to_buffer(recording.commands, image.raw, layout, buffer.raw, &[region]);
+        }
+        self.to_host(&recording);
+        self.submit(&recording);
+        self.wait(recording);
+        let bytes = buffer.read();
+        self.free_buffer(buffer);
+        bytes
+    }
+
+    /// Makes what copies wrote visible to the host.
+    pub fn to_host(&self, recording: &Recording) {
+        let barrier = vk::MemoryBarrier::default()
+            .src_access_mask(vk::AccessFlags::TRANSFER_WRITE)
+            .dst_access_mask(vk::AccessFlags::HOST_READ);
+        let (from, to) = (vk::PipelineStageFlags::TRANSFER, vk::PipelineStageFlags::HOST);
+        let none = vk::DependencyFlags::empty();
+        // SAFETY: the command buffer is being recorded.
+        unsafe { self.device.cmd_pipeline_barrier(recording.commands, from, to, none, &[barrier], &[], &[]) };
+    }
+
+    pub fn free_buffer(&self, buffer: HostMemory) {
+        // SAFETY: nothing uses it any longer.
+        unsafe {
+            self.device.destroy_buffer(buffer.raw, None);
+            self.device.free_memory(buffer.memory, None);
+        }
+    }
+
+    pub fn free_image(&self, image: DeviceImage) {
+        // SAFETY: nothing uses it any longer.
+        unsafe {
+            self.device.destroy_image(image.raw, None);
+            self.device.free_memory(image.memory, None);
+        }
+    }
+
+    /// What the validation layer has said so far.
+    pub fn messages(&self) -> Vec<String> {
+        self.messages.lock().unwrap().clone()
+    }
+
+    /// Destroys all that is the host's. What of the plugin is left then, the validation layer reports.
+    pub fn finish(self) {
+        // SAFETY: tests have waited for everything.
+        unsafe {
+            self.device.destroy_command_pool(self.pool, None);
+            self.device.destroy_device(None);
+            let messages = self.messages();
+            self.debug.0.destroy_debug_utils_messenger(self.debug.1, None);
+            self.instance.destroy_instance(None);
+            assert_eq!(messages, Vec::<String>::new(), "on {}", self.name);
+        }
+    }
+}
+
+impl HostMemory {
+    pub fn read(&self) -> Vec<u8> {
+        // SAFETY: as many bytes are mapped, and the device is not writing them.
+        unsafe { std::slice::from_raw_parts(self.mapped, self.size as usize).to_vec() }
+    }
+
+    pub fn target(&self) -> HostBuffer {
+        // SAFETY: the buffer was made for copies and is freed when they are done.
+        unsafe { HostBuffer::new(self.raw, 0, self.size) }
+    }
+}
+
+impl DeviceImage {
+    /// As a target whose texels are not needed before, and copied from afterwards.
+    pub fn target(&self) -> HostImage {
+        // SAFETY: the image was made for copies and is freed when they are done.
+        let image = unsafe { HostImage::new(self.raw) };
+        image.with_layouts(vk::ImageLayout::UNDEFINED, vk::ImageLayout::TRANSFER_SRC_OPTIMAL)
+    }
+}
+
+unsafe extern "system" fn receive(
+    _severity: vk::DebugUtilsMessageSeverityFlagsEXT,
+    _types: vk::DebugUtilsMessageTypeFlagsEXT,
+    data: *const vk::DebugUtilsMessengerCallbackDataEXT<'_>,
+    user: *mut c_void,
+) -> vk::Bool32 {
+    // SAFETY: `user` is the host's mutex, which outlives the messenger; the layer passes valid data.
+    unsafe {
+        let messages = &*user.cast::<Messages>();
+        if let Some(text) = data.as_ref().and_then(|data| data.message_as_c_str()) {
+            messages.lock().unwrap().push(text.to_string_lossy().into_owned());
+        }
+    }
+    vk::FALSE
+}
