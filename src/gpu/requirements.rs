@@ -205,7 +205,7 @@ mod tests {
         let found = types(info.p_next);
         assert_eq!(found.len(), 3);
         assert!(!found.contains(&vk::StructureType::PHYSICAL_DEVICE_VULKAN_1_2_FEATURES));
-        assert_eq!(address.buffer_device_address, vk::TRUE);
         assert!(names(&info).is_empty());
+        assert_eq!(address.buffer_device_address, vk::TRUE);
     }
 }
