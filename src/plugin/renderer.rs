@@ -52,6 +52,13 @@ pub struct Frame<'a> {
     pub estimates_error: bool,
 }
 
+impl<'a> Frame<'a> {
+    /// So many more samples into those targets, with an estimate of the error.
+    pub fn new(samples: u32, targets: &'a [Target]) -> Frame<'a> {
+        Frame { samples, targets, estimates_error: true }
+    }
+}
+
 /// A progressive render of one scene, of which every step is recorded into a host's commands.
 ///
 /// What may be called when: everything at any time, from any thread, one thread at a time (`&mut`). Command buffers that it

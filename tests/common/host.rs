@@ -5,7 +5,11 @@ use std::ffi::{CStr, c_void};
 use std::sync::{Arc, Mutex};
 
 use ash::{ext, vk};
+use gpu_allocator::vulkan::{Allocator, AllocatorCreateDesc};
+use gpu_allocator::{AllocationSizes, AllocatorDebugSettings};
 use neubrdf::gpu::{Additions, Commands, Device, HostBuffer, HostDevice, HostImage, requirements};
+
+use crate::common::LAVAPIPE;
 
 type Messages = Mutex<Vec<String>>;
 
@@ -17,6 +21,7 @@ pub struct Host {
     physical: vk::PhysicalDevice,
     memory: vk::PhysicalDeviceMemoryProperties,
     pool: vk::CommandPool,
+    pipeline_cache: vk::PipelineCache,
     instance: ash::Instance,
     debug: (ext::debug_utils::Instance, vk::DebugUtilsMessengerEXT),
     messages: Box<Messages>,
@@ -49,25 +54,50 @@ const VALIDATION: &CStr = c"VK_LAYER_KHRONOS_validation";
 /// Runs a check in a host on every device, with and without ray query where there is one, and insists that the validation
 /// layer says nothing, not even when the device is destroyed.
 pub fn in_every_host(check: impl Fn(&Host)) {
-    let required = std::env::var_os("NEUBRDF_REQUIRE_DRIVERS").is_some();
-    // SAFETY: the system's loader is trusted to be one.
-    let layers = unsafe { ash::Entry::load() }.ok().map(|entry| {
-        // SAFETY: the loader is loaded.
-        unsafe { entry.enumerate_instance_layer_properties() }.unwrap_or_default()
-    });
-    let has = layers.is_some_and(|layers| layers.iter().any(|l| l.layer_name_as_c_str() == Ok(VALIDATION)));
-    assert!(has || !required, "a Vulkan driver and the validation layer are required here");
-    let mut index = 0;
-    while let Some(host) = has.then(|| Host::new(index, true)).flatten() {
+    in_hosts(|_| true, check);
+}
+
+/// The same on lavapipe alone, which compiles in no time.
+pub fn in_lavapipe_hosts(check: impl Fn(&Host)) {
+    in_hosts(|name| name.contains(LAVAPIPE), check);
+}
+
+/// The names of the devices, or none without a loader or without the validation layer.
+fn device_names() -> Vec<String> {
+    // SAFETY: the system's loader is trusted to be one; the instance is destroyed here.
+    unsafe {
+        let Ok(entry) = ash::Entry::load() else { return Vec::new() };
+        let layers = entry.enumerate_instance_layer_properties().unwrap_or_default();
+        if !layers.iter().any(|layer| layer.layer_name_as_c_str() == Ok(VALIDATION)) {
+            return Vec::new();
+        }
+        let Ok(instance) = entry.create_instance(&vk::InstanceCreateInfo::default(), None) else { return Vec::new() };
+        let devices = instance.enumerate_physical_devices().unwrap_or_default();
+        let name = |device| instance.get_physical_device_properties(device).device_name_as_c_str().map(CStr::to_owned);
+        let names = devices.into_iter().map(|device| name(device).unwrap_or_default().to_string_lossy().into_owned());
+        let names = names.collect();
+        instance.destroy_instance(None);
+        names
+    }
+}
+
+fn in_hosts(wanted: impl Fn(&str) -> bool, check: impl Fn(&Host)) {
+    let names = device_names();
+    let indices = names.iter().enumerate().filter(|(_, name)| wanted(name)).map(|(index, _)| index);
+    let mut checked = 0;
+    for index in indices {
+        let host = Host::new(index, true);
         let ray_query = host.ray_query;
         host.run(&check);
-        if let Some(without) = ray_query.then(|| Host::new(index, false)).flatten() {
-            without.run(&check);
+        if ray_query {
+            Host::new(index, false).run(&check);
         }
-        index += 1;
+        checked += 1;
     }
-    if index == 0 {
-        eprintln!("skipped: no Vulkan device, or no validation layer");
+    let required = std::env::var_os("NEUBRDF_REQUIRE_DRIVERS").is_some();
+    assert!(checked > 0 || !required, "a Vulkan driver and the validation layer are required here");
+    if checked == 0 {
+        eprintln!("skipped: no such Vulkan device, or no validation layer");
     }
 }
 
@@ -78,13 +108,13 @@ impl Host {
         self.finish();
     }
 
-    /// A host on the device of that index, if there is one.
-    pub fn new(index: usize, wants_ray_query: bool) -> Option<Host> {
+    /// A host on the device of that index.
+    pub fn new(index: usize, wants_ray_query: bool) -> Host {
         // SAFETY: every handle is made from the one before, and destroyed in `finish`.
         unsafe {
-            let entry = ash::Entry::load().ok()?;
+            let entry = ash::Entry::load().unwrap();
             let messages = Box::new(Messages::default());
-            let mut messenger_info = vk::DebugUtilsMessengerCreateInfoEXT::default()
+            let messenger_info = vk::DebugUtilsMessengerCreateInfoEXT::default()
                 .message_severity(
                     vk::DebugUtilsMessageSeverityFlagsEXT::WARNING | vk::DebugUtilsMessageSeverityFlagsEXT::ERROR,
                 )
@@ -103,16 +133,8 @@ impl Host {
                 .push_next(&mut features);
             let instance = entry.create_instance(&info, None).unwrap();
             let debug = ext::debug_utils::Instance::new(&entry, &instance);
-            messenger_info.p_next = std::ptr::null();
             let messenger = debug.create_debug_utils_messenger(&messenger_info, None).unwrap();
-            let close = || {
-                debug.destroy_debug_utils_messenger(messenger, None);
-                instance.destroy_instance(None);
-            };
-            let Some(physical) = instance.enumerate_physical_devices().unwrap_or_default().get(index).copied() else {
-                close();
-                return None;
-            };
+            let physical = instance.enumerate_physical_devices().unwrap()[index];
 
             // What a host does to be fit for us: ask, and merge.
             let mut required = requirements(&instance, physical);
@@ -127,8 +149,10 @@ impl Host {
             let queue = device.get_device_queue(0, 0);
             let info = vk::CommandPoolCreateInfo::default();
             let pool = device.create_command_pool(&info, None).unwrap();
+            let info = vk::PipelineCacheCreateInfo::default();
+            let pipeline_cache = device.create_pipeline_cache(&info, None).unwrap();
             let memory = instance.get_physical_device_memory_properties(physical);
-            Some(Host {
+            Host {
                 device,
                 queue,
                 ray_query: required.ray_query,
@@ -136,11 +160,12 @@ impl Host {
                 physical,
                 memory,
                 pool,
+                pipeline_cache,
                 instance,
                 debug: (debug, messenger),
                 messages,
                 entry,
-            })
+            }
         }
     }
 
@@ -150,6 +175,7 @@ impl Host {
         let mut host = HostDevice::new(entry, instance, self.physical, device, 0);
         host.ray_query = self.ray_query;
         host.debug_utils = true;
+        host.pipeline_cache = self.pipeline_cache;
         host
     }
 
@@ -157,6 +183,27 @@ impl Host {
     pub fn lend(&self) -> Arc<Device> {
         // SAFETY: the handles belong together; tests drop what they made before the host.
         unsafe { Device::from_host(self.host_device()).unwrap() }
+    }
+
+    /// The device, lent together with an allocator.
+    pub fn lend_with_allocator(&self, allocator: &Arc<Mutex<Allocator>>) -> Arc<Device> {
+        let mut host = self.host_device();
+        host.allocator = Some(allocator.clone());
+        // SAFETY: as above.
+        unsafe { Device::from_host(host).unwrap() }
+    }
+
+    /// An allocator as engines have them.
+    pub fn allocator(&self) -> Arc<Mutex<Allocator>> {
+        let info = AllocatorCreateDesc {
+            instance: self.instance.clone(),
+            device: self.device.clone(),
+            physical_device: self.physical,
+            debug_settings: AllocatorDebugSettings::default(),
+            buffer_device_address: true,
+            allocation_sizes: AllocationSizes::default(),
+        };
+        Arc::new(Mutex::new(Allocator::new(&info).unwrap()))
     }
 
     /// The device, lent together with the queue: for what submits and waits by itself.
@@ -306,6 +353,26 @@ impl Host {
         unsafe { self.device.cmd_pipeline_barrier(recording.commands, from, to, none, &[barrier], &[], &[]) };
     }
 
+    /// Takes an image from one layout to the other, behind all that copies do and before all that they will.
+    pub fn transition(&self, recording: &Recording, image: &DeviceImage, old: vk::ImageLayout, new: vk::ImageLayout) {
+        let copies = vk::AccessFlags::TRANSFER_READ | vk::AccessFlags::TRANSFER_WRITE;
+        let range =
+            vk::ImageSubresourceRange::default().aspect_mask(vk::ImageAspectFlags::COLOR).level_count(1).layer_count(1);
+        let barrier = vk::ImageMemoryBarrier::default()
+            .src_access_mask(vk::AccessFlags::TRANSFER_WRITE)
+            .dst_access_mask(copies)
+            .old_layout(old)
+            .new_layout(new)
+            .src_queue_family_index(vk::QUEUE_FAMILY_IGNORED)
+            .dst_queue_family_index(vk::QUEUE_FAMILY_IGNORED)
+            .image(image.raw)
+            .subresource_range(range);
+        let stage = vk::PipelineStageFlags::TRANSFER;
+        let none = vk::DependencyFlags::empty();
+        // SAFETY: the command buffer is being recorded, the image is in the old layout.
+        unsafe { self.device.cmd_pipeline_barrier(recording.commands, stage, stage, none, &[], &[], &[barrier]) };
+    }
+
     pub fn free_buffer(&self, buffer: HostMemory) {
         // SAFETY: nothing uses it any longer.
         unsafe {
@@ -332,6 +399,7 @@ impl Host {
         // SAFETY: tests have waited for everything.
         unsafe {
             self.device.destroy_command_pool(self.pool, None);
+            self.device.destroy_pipeline_cache(self.pipeline_cache, None);
             self.device.destroy_device(None);
             let messages = self.messages();
             self.debug.0.destroy_debug_utils_messenger(self.debug.1, None);
