@@ -4,7 +4,7 @@ CARGO := cargo
 FEATURES := --features embree --locked
 OUT := target/demo
 
-.PHONY: demo test bench check study-fit install-test install-demo
+.PHONY: demo test bench check study-fit install install-test install-demo
 
 ## Renders the preview scene, in analytic and in neural materials, to target/demo/preview.png and neural.png (and .exr).
 demo: install-demo
@@ -44,6 +44,13 @@ MATERIALS :=
 QUALITY := default
 study-fit:
 	$(CARGO) run --release $(FEATURES) --example study_fit -- --quality $(QUALITY) $(MATERIALS)
+
+## Installs the program (with the Embree reference), the C library (without), its header, pkg-config file and CMake module.
+PREFIX := /usr/local
+install: install-demo
+	$(CARGO) build --release $(FEATURES) --bin neubrdf --target-dir target/install
+	$(CARGO) rustc --release --locked --lib --crate-type cdylib,staticlib --target-dir target/install
+	scripts/install.sh $(PREFIX) target/install/release
 
 install-demo:
 	@scripts/setup.sh demo

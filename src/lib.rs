@@ -4,6 +4,7 @@
 //!
 //! | room | holds |
 //! |---|---|
+//! | [`capi`] | [`plugin`] for C and C++ |
 //! | [`converge`] | error metrics and statistical tests over pictures; studies of speed against error |
 //! | [`plugin`] | the path tracer inside a host's Vulkan: records, and nothing else |
 //! | [`render`] | the wavefront path tracer on Vulkan: queues, film, checkpoints |
@@ -14,6 +15,7 @@
 //! | [`gpu`] | Vulkan and nothing but Vulkan |
 //! | [`image`] | pictures in memory and on disk |
 
+pub mod capi;
 pub mod converge;
 pub mod gpu;
 pub mod image;

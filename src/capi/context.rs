@@ -1,0 +1,171 @@
+//! What a host must enable, and the device that it lends.
+
+use std::ffi::{CString, c_char};
+use std::sync::Arc;
+
+use super::call::{Failure, NeubrdfResult, Sized32, call, end, hand_over, object, read};
+use super::vulkan::*;
+use crate::gpu::{Additions, Device, HostDevice, Requirements, requirements};
+
+/// What a physical device is to be opened with.
+pub struct NeubrdfRequirements {
+    inner: Requirements,
+    missing: CString,
+    additions: Additions,
+}
+
+/// A host's device. Nothing of it is ever destroyed, submitted to or waited for.
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct NeubrdfHost {
+    /// sizeof(NeubrdfHost).
+    pub size: u32,
+    /// The family of the queue that the command buffers go to; it computes.
+    pub queue_family: u32,
+    /// The loader's.
+    pub get_instance_proc_addr: PFN_vkGetInstanceProcAddr,
+    /// For Vulkan 1.2 or later.
+    pub instance: VkInstance,
+    /// What the device is of.
+    pub physical_device: VkPhysicalDevice,
+    /// Made with what the requirements say.
+    pub device: VkDevice,
+    /// Keeps our pipelines; VK_NULL_HANDLE is a cache of our own, in memory.
+    pub pipeline_cache: VkPipelineCache,
+    /// Not 0 if ray query is enabled on the device: what `neubrdf_requirements_has_ray_query` said when it was made.
+    pub ray_query: u32,
+    /// Not 0 if the instance has VK_EXT_debug_utils: our passes and objects then have names in captures.
+    pub debug_utils: u32,
+}
+
+// SAFETY: numbers, handles and a pointer; null handles and a null function are values.
+unsafe impl Sized32 for NeubrdfHost {
+    const NAME: &'static str = "NeubrdfHost";
+    const FIRST: usize = size_of::<NeubrdfHost>();
+}
+
+/// A device lent to us.
+pub struct NeubrdfContext {
+    pub(super) device: Arc<Device>,
+}
+
+/// Asks what a physical device is to be opened with. The instance is for Vulkan 1.2 or later.
+///
+/// # Safety
+/// The handles belong together; `requirements` points to room for a pointer.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn neubrdf_requirements_create(
+    get_instance_proc_addr: PFN_vkGetInstanceProcAddr,
+    instance: VkInstance,
+    physical_device: VkPhysicalDevice,
+    requirements: *mut *mut NeubrdfRequirements,
+) -> NeubrdfResult {
+    call(|| {
+        let Some(get_instance_proc_addr) = get_instance_proc_addr else {
+            return Err(Failure::argument("get_instance_proc_addr is null"));
+        };
+        // SAFETY: as the caller says.
+        let inner = unsafe {
+            let entry = ash::Entry::from_static_fn(ash::StaticFn { get_instance_proc_addr });
+            let instance = ash::Instance::load(entry.static_fn(), instance);
+            self::requirements(&instance, physical_device)
+        };
+        let missing = CString::new(inner.missing.join(", ")).unwrap_or_default();
+        // SAFETY: as the caller says.
+        unsafe { hand_over(requirements, NeubrdfRequirements { inner, missing, additions: Additions::default() }) }
+    })
+}
+
+/// What makes the device unfit, by Vulkan's names, separated by commas; empty for a fit one. Valid as long as the requirements.
+///
+/// # Safety
+/// The object is alive, or null.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn neubrdf_requirements_missing(requirements: *const NeubrdfRequirements) -> *const c_char {
+    // SAFETY: as the caller says.
+    unsafe { requirements.as_ref() }.map_or(c"the requirements are null".as_ptr(), |it| it.missing.as_ptr())
+}
+
+/// Not 0 if the device has ray query, which is then asked for too.
+///
+/// # Safety
+/// The object is alive, or null.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn neubrdf_requirements_has_ray_query(requirements: *const NeubrdfRequirements) -> u32 {
+    // SAFETY: as the caller says.
+    unsafe { requirements.as_ref() }.map_or(0, |it| it.inner.ray_query.into())
+}
+
+/// Adds what is needed to what the host enables anyway: extensions to the list, features to the structures of the pNext chain that
+/// hold them, and structures of our own for what no structure there holds. `wants_ray_query` of 0 declines ray query: rays then
+/// walk a BVH in a compute shader. The requirements must live until vkCreateDevice returns.
+///
+/// # Safety
+/// `info`, its chain and its names are valid; the structures of the chain may be written to.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn neubrdf_requirements_merge(
+    requirements: *mut NeubrdfRequirements,
+    wants_ray_query: u32,
+    info: *mut VkDeviceCreateInfo,
+) -> NeubrdfResult {
+    call(|| {
+        // SAFETY: as the caller says.
+        let (requirements, info) = unsafe { (object(requirements, "requirements")?, object(info, "info")?) };
+        requirements.additions = Additions::default();
+        requirements.inner.ray_query &= wants_ray_query != 0;
+        // SAFETY: the additions live as long as the requirements do, which the caller keeps until the device is made.
+        *info = unsafe { requirements.inner.merge(*info, &mut *(&raw mut requirements.additions)) };
+        Ok(())
+    })
+}
+
+/// Ends the requirements.
+///
+/// # Safety
+/// The object is alive, or null.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn neubrdf_requirements_destroy(requirements: *mut NeubrdfRequirements) {
+    // SAFETY: as the caller says.
+    unsafe { end(requirements) }
+}
+
+/// Borrows a host's device.
+///
+/// # Safety
+/// The handles belong together and outlive the context and all that is made from it; the device was made with what the
+/// requirements say.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn neubrdf_context_create(
+    host: *const NeubrdfHost,
+    context: *mut *mut NeubrdfContext,
+) -> NeubrdfResult {
+    call(|| {
+        // SAFETY: as the caller says.
+        let host = unsafe { read(host)? };
+        let Some(get_instance_proc_addr) = host.get_instance_proc_addr else {
+            return Err(Failure::argument("NeubrdfHost.get_instance_proc_addr is null"));
+        };
+        let NeubrdfHost { instance, physical_device, device, queue_family, .. } = host;
+        // SAFETY: as the caller says.
+        unsafe {
+            let lent = HostDevice::load(get_instance_proc_addr, instance, physical_device, device, queue_family);
+            let device = Device::from_host(HostDevice {
+                ray_query: host.ray_query != 0,
+                debug_utils: host.debug_utils != 0,
+                pipeline_cache: host.pipeline_cache,
+                ..lent
+            })?;
+            hand_over(context, NeubrdfContext { device })
+        }
+    })
+}
+
+/// Ends the context; renderers made from it stay alive.
+///
+/// # Safety
+/// The object is alive, or null.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn neubrdf_context_destroy(context: *mut NeubrdfContext) {
+    // SAFETY: as the caller says.
+    unsafe { end(context) }
+}

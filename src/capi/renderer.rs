@@ -1,0 +1,607 @@
+//! Renderers that record into a host's command buffers.
+
+use std::sync::Arc;
+
+use super::call::{Failure, NeubrdfResult, Sized32, array, call, end, hand_over, object, put, read, shared, write};
+use super::context::NeubrdfContext;
+use super::scene::{NeubrdfCamera, NeubrdfMaterial, NeubrdfScene, environment, sun, transform};
+use super::vulkan::*;
+use crate::gpu::{Commands, Device, HostBuffer, HostImage};
+use crate::image::Crop;
+use crate::plugin::{Change, Channel, Frame, Options, PixelFormat, Place, Renderer, Target};
+use crate::render::{Family, Features, Sampler, Settings, Traversal};
+
+/// A progressive render of one scene.
+pub struct NeubrdfRenderer {
+    device: Arc<Device>,
+    renderer: Renderer,
+}
+
+/// How rays find triangles.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum NeubrdfTraversal {
+    /// What suits the device.
+    Auto = 0,
+    /// VK_KHR_ray_query.
+    RayQuery = 1,
+    /// A BVH in a compute shader.
+    Bvh = 2,
+}
+
+/// Where random numbers come from.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum NeubrdfSampler {
+    /// Owen-scrambled Sobol': less noise.
+    Sobol = 0,
+    /// Independent numbers, for statistics.
+    Pcg = 1,
+}
+
+/// Bits of `NeubrdfOptions.reserve`: what the scene does not have yet and a change may bring.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum NeubrdfReserve {
+    /// Materials that emit.
+    Emitters = 1,
+    /// A sky.
+    Environment = 2,
+    /// A sun.
+    Sun = 4,
+    /// A lens.
+    Lens = 8,
+    /// Instances that move, in a scene of one that stands still.
+    Instances = 16,
+    /// Textured materials.
+    Textures = 32,
+    /// Diffuse materials.
+    Diffuse = 256,
+    /// Conductors.
+    Conductor = 512,
+    /// Dielectrics.
+    Dielectric = 1024,
+    /// Coated materials.
+    Coated = 2048,
+}
+
+/// What a host may choose; all of it may be 0.
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct NeubrdfOptions {
+    /// sizeof(NeubrdfOptions).
+    pub size: u32,
+    /// Path segments: 1 sees emission only, 2 adds direct light. 0 is 16.
+    pub max_depth: u32,
+    /// Picks the random numbers.
+    pub seed: u32,
+    /// A NeubrdfSampler.
+    pub sampler: u32,
+    /// A NeubrdfTraversal.
+    pub traversal: u32,
+    /// Paths in flight, which bound the memory, 100 to 200 bytes each; 0 takes what suits the device.
+    pub pool_paths: u32,
+    /// Recordings that may be pending at once; 0 is 3.
+    pub frames_in_flight: u32,
+    /// Not 0 if albedo, normal and depth are wanted as targets.
+    pub features: u32,
+    /// Bits of NeubrdfReserve.
+    pub reserve: u32,
+    /// The part of the film to render, as x, y, width, height; a width of 0 is all of it.
+    pub crop: [u32; 4],
+}
+
+/// How pixels are written. Rows run from the top, without gaps.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum NeubrdfFormat {
+    /// Linear, for VK_FORMAT_R32G32B32A32_SFLOAT.
+    Rgba32Float = 0,
+    /// Linear, for VK_FORMAT_R16G16B16A16_SFLOAT.
+    Rgba16Float = 1,
+    /// Tone-mapped and sRGB-encoded, for VK_FORMAT_R8G8B8A8_UNORM and _SRGB.
+    Rgba8 = 2,
+    /// The same, blue first.
+    Bgra8 = 3,
+}
+
+/// What is written. All but the first need `NeubrdfOptions.features`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum NeubrdfChannel {
+    /// Mean radiance so far.
+    Beauty = 0,
+    /// Mean albedo of what is seen first.
+    Albedo = 1,
+    /// Mean shading normal of what is seen first, world space.
+    Normal = 2,
+    /// Distance along the camera's axis; infinite where nothing is.
+    Depth = 3,
+}
+
+/// A host's image or buffer that a frame is written to; the one that is not VK_NULL_HANDLE. Both need the usage TRANSFER_DST.
+/// On entry what the host did to them is done for the stage TRANSFER; on exit they are written in the stage TRANSFER.
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct NeubrdfTarget {
+    /// sizeof(NeubrdfTarget).
+    pub size: u32,
+    /// A NeubrdfFormat.
+    pub format: u32,
+    /// A NeubrdfChannel.
+    pub channel: u32,
+    /// 8-bit formats show radiance · 2^exposure.
+    pub exposure: f32,
+    /// Two-dimensional, one sample a texel, of a colour format whose texels are as many bytes as the format's.
+    pub image: VkImage,
+    /// Its layout before; VK_IMAGE_LAYOUT_UNDEFINED drops its texels.
+    pub layout_before: VkImageLayout,
+    /// Its layout afterwards; with UNDEFINED for both, it is taken to be in TRANSFER_DST_OPTIMAL and stays in it.
+    pub layout_after: VkImageLayout,
+    /// Where in it the picture's upper left pixel goes.
+    pub origin: [u32; 2],
+    /// A buffer instead.
+    pub buffer: VkBuffer,
+    /// Where in it the picture begins, in bytes.
+    pub buffer_offset: u64,
+    /// How many bytes there are for it.
+    pub buffer_bytes: u64,
+}
+
+/// What a frame is to do.
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct NeubrdfFrame {
+    /// sizeof(NeubrdfFrame).
+    pub size: u32,
+    /// More samples of every pixel; 0 only writes the picture so far.
+    pub samples: u32,
+    /// Where the picture goes.
+    pub targets: *const NeubrdfTarget,
+    /// How many there are.
+    pub target_count: u32,
+    /// Not 0 if the estimated error is wanted.
+    pub estimates_error: u32,
+}
+
+/// How a render stood after a frame.
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct NeubrdfStatus {
+    /// sizeof(NeubrdfStatus).
+    pub size: u32,
+    /// Samples a pixel that are in the frame's picture; 0 if the number was no frame's, or a later frame has taken its place.
+    pub samples: u32,
+    /// The estimated relative error of that picture; below 0 where there is none, as before the fourth sample.
+    pub error: f64,
+    /// Samples so far that were not finite; they count as black.
+    pub rejected: u32,
+    /// Nothing.
+    pub reserved: u32,
+}
+
+// SAFETY: numbers, for this and those below, and handles and pointers, for which null is a value.
+unsafe impl Sized32 for NeubrdfOptions {
+    const NAME: &'static str = "NeubrdfOptions";
+    const FIRST: usize = size_of::<NeubrdfOptions>();
+}
+
+// SAFETY: see above.
+unsafe impl Sized32 for NeubrdfTarget {
+    const NAME: &'static str = "NeubrdfTarget";
+    const FIRST: usize = size_of::<NeubrdfTarget>();
+}
+
+// SAFETY: see above.
+unsafe impl Sized32 for NeubrdfFrame {
+    const NAME: &'static str = "NeubrdfFrame";
+    const FIRST: usize = size_of::<NeubrdfFrame>();
+}
+
+// SAFETY: see above.
+unsafe impl Sized32 for NeubrdfStatus {
+    const NAME: &'static str = "NeubrdfStatus";
+    const FIRST: usize = size_of::<NeubrdfStatus>();
+}
+
+impl NeubrdfOptions {
+    fn options(&self) -> Result<Options, Failure> {
+        let sampler = match self.sampler {
+            0 => Sampler::Sobol,
+            1 => Sampler::Pcg,
+            other => return Err(Failure::argument(format!("NeubrdfOptions.sampler is {other}: no NeubrdfSampler"))),
+        };
+        let traversal = match self.traversal {
+            0 => None,
+            1 => Some(Traversal::RayQuery),
+            2 => Some(Traversal::Bvh),
+            other => {
+                return Err(Failure::argument(format!("NeubrdfOptions.traversal is {other}: no NeubrdfTraversal")));
+            }
+        };
+        let [x, y, width, height] = self.crop;
+        let default = Options::default();
+        let or = |number: u32, default: u32| if number == 0 { default } else { number };
+        Ok(Options {
+            settings: Settings {
+                max_depth: or(self.max_depth, default.settings.max_depth),
+                seed: self.seed,
+                sampler,
+                crop: (width > 0).then_some(Crop { x, y, width, height }),
+                features: self.features != 0,
+                ..default.settings
+            },
+            traversal,
+            pool_paths: (self.pool_paths > 0).then_some(self.pool_paths),
+            frames_in_flight: or(self.frames_in_flight, default.frames_in_flight),
+            reserve: self.reserved()?,
+        })
+    }
+
+    fn reserved(&self) -> Result<Features, Failure> {
+        let families = [
+            (NeubrdfReserve::Diffuse, Family::Diffuse),
+            (NeubrdfReserve::Conductor, Family::Conductor),
+            (NeubrdfReserve::Dielectric, Family::Dielectric),
+            (NeubrdfReserve::Coated, Family::Coated),
+        ];
+        let has = |bit: NeubrdfReserve| self.reserve & bit as u32 != 0;
+        if self.reserve & !0xf3f != 0 {
+            return Err(Failure::argument(format!(
+                "NeubrdfOptions.reserve is {:#x}: bits of NeubrdfReserve",
+                self.reserve
+            )));
+        }
+        let mask = families.iter().filter(|(bit, _)| has(*bit)).fold(0, |mask, (_, family)| mask | 1 << *family as u32);
+        Ok(Features {
+            families: mask,
+            emitters: has(NeubrdfReserve::Emitters),
+            environment: has(NeubrdfReserve::Environment),
+            sun: has(NeubrdfReserve::Sun),
+            lens: has(NeubrdfReserve::Lens),
+            instanced: has(NeubrdfReserve::Instances),
+            textures: has(NeubrdfReserve::Textures),
+            ..Features::NONE
+        })
+    }
+}
+
+impl NeubrdfTarget {
+    /// # Safety
+    /// The image or buffer is as the struct says, and lives until the commands that write it are done.
+    unsafe fn target(&self) -> Result<Target, Failure> {
+        let format = match self.format {
+            0 => PixelFormat::Rgba32Float,
+            1 => PixelFormat::Rgba16Float,
+            2 => PixelFormat::Rgba8,
+            3 => PixelFormat::Bgra8,
+            other => return Err(Failure::argument(format!("NeubrdfTarget.format is {other}: no NeubrdfFormat"))),
+        };
+        let channel = match self.channel {
+            0 => Channel::Beauty,
+            1 => Channel::Albedo,
+            2 => Channel::Normal,
+            3 => Channel::Depth,
+            other => return Err(Failure::argument(format!("NeubrdfTarget.channel is {other}: no NeubrdfChannel"))),
+        };
+        let place = match (self.image != VkImage::null(), self.buffer != VkBuffer::null()) {
+            (true, false) => {
+                // SAFETY: as the caller says.
+                let image = unsafe { HostImage::new(self.image) }.with_origin(self.origin);
+                let none = VkImageLayout::UNDEFINED;
+                Place::Image(match (self.layout_before, self.layout_after) {
+                    (before, after) if before == none && after == none => image,
+                    (_, after) if after == none => {
+                        return Err(Failure::argument("NeubrdfTarget.layout_after is VK_IMAGE_LAYOUT_UNDEFINED"));
+                    }
+                    (before, after) => image.with_layouts(before, after),
+                })
+            }
+            // SAFETY: as the caller says.
+            (false, true) => {
+                Place::Buffer(unsafe { HostBuffer::new(self.buffer, self.buffer_offset, self.buffer_bytes) })
+            }
+            _ => return Err(Failure::argument("a NeubrdfTarget has an image or a buffer, one of the two")),
+        };
+        Ok(Target { place, format, channel, exposure: self.exposure })
+    }
+}
+
+/// Makes a renderer: trees and tables on the CPU, kernels, memory. Nothing is submitted. It takes as long as the driver compiles, and may
+/// be called on any thread. `options` may be null.
+///
+/// # Safety
+/// The objects are alive; `renderer` points to room for a pointer.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn neubrdf_renderer_create(
+    context: *const NeubrdfContext,
+    scene: *const NeubrdfScene,
+    options: *const NeubrdfOptions,
+    renderer: *mut *mut NeubrdfRenderer,
+) -> NeubrdfResult {
+    call(|| {
+        // SAFETY: as the caller says.
+        let (context, scene) = unsafe { (shared(context, "context")?, shared(scene, "scene")?) };
+        let options = match options.is_null() {
+            true => Options::default(),
+            // SAFETY: as the caller says.
+            false => unsafe { read(options)? }.options()?,
+        };
+        let made = Renderer::new(&context.device, scene.scene.clone(), &options)?;
+        // SAFETY: as the caller says.
+        unsafe { hand_over(renderer, NeubrdfRenderer { device: context.device.clone(), renderer: made }) }
+    })
+}
+
+/// Ends the renderer. All that it recorded is done by then.
+///
+/// # Safety
+/// The object is alive, or null, and the device works on none of its recordings.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn neubrdf_renderer_destroy(renderer: *mut NeubrdfRenderer) {
+    // SAFETY: as the caller says.
+    unsafe { end(renderer) }
+}
+
+/// Pixels across and down: what a target must have room for. Samples a pixel that the recordings so far take.
+///
+/// # Safety
+/// The object is alive; each of the others is null or points to room for a number.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn neubrdf_renderer_size(
+    renderer: *mut NeubrdfRenderer,
+    width: *mut u32,
+    height: *mut u32,
+    samples: *mut u32,
+) -> NeubrdfResult {
+    call(|| {
+        // SAFETY: as the caller says.
+        unsafe {
+            let renderer = &object(renderer, "renderer")?.renderer;
+            let [columns, rows] = renderer.size();
+            put(width, columns);
+            put(height, rows);
+            put(samples, renderer.samples());
+        }
+        Ok(())
+    })
+}
+
+/// Records what the next frame would otherwise upload first. Counts as a frame in flight. `ticket`, if not null, is told its number.
+///
+/// # Safety
+/// As of `neubrdf_renderer_record`.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn neubrdf_renderer_record_upload(
+    renderer: *mut NeubrdfRenderer,
+    command_buffer: VkCommandBuffer,
+    ticket: *mut u64,
+) -> NeubrdfResult {
+    call(|| {
+        // SAFETY: as the caller says.
+        unsafe {
+            let NeubrdfRenderer { device, renderer } = object(renderer, "renderer")?;
+            let mut commands = Commands::wrap(device, command_buffer);
+            let number = renderer.record_upload(&mut commands)?;
+            commands.finish()?;
+            put(ticket, number);
+        }
+        Ok(())
+    })
+}
+
+/// Records a frame: what changed, more samples, and the picture's way to the targets. Nothing is submitted, waited for or allocated on the
+/// device. `ticket`, if not null, is told the recording's number. Command buffers are submitted once each, in the order of the recordings,
+/// on queues that keep that order. After an error the command buffer must not be submitted.
+///
+/// # Safety
+/// The command buffer is of the context's device, in the recording state, outside a render pass, on a queue that computes. Targets live until
+/// it is done. What was bound for compute before is bound no more.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn neubrdf_renderer_record(
+    renderer: *mut NeubrdfRenderer,
+    command_buffer: VkCommandBuffer,
+    frame: *const NeubrdfFrame,
+    ticket: *mut u64,
+) -> NeubrdfResult {
+    call(|| {
+        // SAFETY: as the caller says.
+        unsafe {
+            let NeubrdfRenderer { device, renderer } = object(renderer, "renderer")?;
+            let frame = read(frame)?;
+            let targets = targets(&frame)?;
+            let mut commands = Commands::wrap(device, command_buffer);
+            let frame =
+                Frame { samples: frame.samples, targets: &targets, estimates_error: frame.estimates_error != 0 };
+            let number = renderer.record(&mut commands, &frame)?;
+            commands.finish()?;
+            put(ticket, number);
+        }
+        Ok(())
+    })
+}
+
+/// The targets of a frame, which stand as far apart as the first one's size says.
+///
+/// # Safety
+/// As of [`neubrdf_renderer_record`].
+unsafe fn targets(frame: &NeubrdfFrame) -> Result<Vec<Target>, Failure> {
+    let mut targets = Vec::new();
+    let mut pointer = frame.targets.cast::<u8>();
+    for _ in 0..frame.target_count {
+        // SAFETY: as the caller says.
+        unsafe {
+            let target = read(pointer.cast::<NeubrdfTarget>())?;
+            targets.push(target.target()?);
+            pointer = pointer.add(target.size as usize);
+        }
+    }
+    Ok(targets)
+}
+
+/// The host knows that the recording of that number and all before it are done: gives back what they alone used. `status`, if not null, is
+/// told what the frame left. It never waits.
+///
+/// # Safety
+/// The object is alive, and the device is done with these recordings.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn neubrdf_renderer_complete(
+    renderer: *mut NeubrdfRenderer,
+    ticket: u64,
+    status: *mut NeubrdfStatus,
+) -> NeubrdfResult {
+    call(|| {
+        // SAFETY: as the caller says.
+        let found = unsafe { object(renderer, "renderer")? }.renderer.complete(ticket);
+        if status.is_null() {
+            return Ok(());
+        }
+        let told = NeubrdfStatus {
+            size: 0,
+            samples: found.map_or(0, |found| found.samples),
+            error: found.and_then(|found| found.error).unwrap_or(-1.0),
+            rejected: found.map_or(0, |found| found.rejected),
+            reserved: 0,
+        };
+        // SAFETY: as the caller says.
+        unsafe { write(status, told) }
+    })
+}
+
+/// For a host whose own call returned VK_ERROR_DEVICE_LOST: returns NEUBRDF_RESULT_DEVICE_LOST, and `neubrdf_last_error` says how far the oldest
+/// recording came that is not known to be done.
+///
+/// # Safety
+/// The object is alive.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn neubrdf_renderer_device_lost(renderer: *mut NeubrdfRenderer) -> NeubrdfResult {
+    // SAFETY: as the caller says.
+    call(|| Err(unsafe { object(renderer, "renderer")? }.renderer.device_lost().into()))
+}
+
+/// The next frame begins with a black film.
+///
+/// # Safety
+/// The object is alive.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn neubrdf_renderer_reset(renderer: *mut NeubrdfRenderer) -> NeubrdfResult {
+    call(|| {
+        // SAFETY: as the caller says.
+        unsafe { object(renderer, "renderer")? }.renderer.reset();
+        Ok(())
+    })
+}
+
+/// Gives the film another size, as of a window, and begins anew.
+///
+/// # Safety
+/// The object is alive.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn neubrdf_renderer_resize(
+    renderer: *mut NeubrdfRenderer,
+    width: u32,
+    height: u32,
+) -> NeubrdfResult {
+    // SAFETY: as the caller says.
+    call(|| Ok(unsafe { object(renderer, "renderer")? }.renderer.resize(width, height)?))
+}
+
+/// Makes changes, all or, on an error, none.
+///
+/// # Safety
+/// The object is alive.
+unsafe fn update(renderer: *mut NeubrdfRenderer, changes: &[Change]) -> Result<(), Failure> {
+    // SAFETY: as the caller says.
+    Ok(unsafe { object(renderer, "renderer")? }.renderer.update(changes)?)
+}
+
+/// Another view, from the next frame on.
+///
+/// # Safety
+/// Both are alive.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn neubrdf_renderer_set_camera(
+    renderer: *mut NeubrdfRenderer,
+    camera: *const NeubrdfCamera,
+) -> NeubrdfResult {
+    // SAFETY: as the caller says.
+    call(|| unsafe { update(renderer, &[Change::Camera(read(camera)?.camera())]) })
+}
+
+/// Moves `count` instances, from the next frame on: the indices, and twelve floats for each, the upper three rows of its matrix. The top level
+/// over all instances is rebuilt, once.
+///
+/// # Safety
+/// The arrays have these lengths.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn neubrdf_renderer_set_transforms(
+    renderer: *mut NeubrdfRenderer,
+    instances: *const u32,
+    object_to_world: *const f32,
+    count: u32,
+) -> NeubrdfResult {
+    call(|| {
+        // SAFETY: as the caller says.
+        let (instances, rows) = unsafe {
+            let rows: &[[f32; 12]] = array(object_to_world.cast(), count as usize, "object_to_world")?;
+            (array(instances, count as usize, "instances")?, rows)
+        };
+        let moved = instances.iter().zip(rows);
+        let changes: Vec<Change> = moved
+            .map(|(instance, rows)| Change::Transform { instance: *instance, object_to_world: transform(rows) })
+            .collect();
+        // SAFETY: as the caller says.
+        unsafe { update(renderer, &changes) }
+    })
+}
+
+/// Another material, from the next frame on.
+///
+/// # Safety
+/// Both are alive.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn neubrdf_renderer_set_material(
+    renderer: *mut NeubrdfRenderer,
+    index: u32,
+    material: *const NeubrdfMaterial,
+) -> NeubrdfResult {
+    call(|| {
+        // SAFETY: as the caller says.
+        unsafe {
+            let material = read(material)?.material(format!("material {index}"))?;
+            update(renderer, &[Change::Material { index, material }])
+        }
+    })
+}
+
+/// Another sky, from the next frame on: as of `neubrdf_scene_set_environment`.
+///
+/// # Safety
+/// `texels` is null or points to 3 · width · height floats.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn neubrdf_renderer_set_environment(
+    renderer: *mut NeubrdfRenderer,
+    width: u32,
+    height: u32,
+    texels: *const f32,
+    rotation_degrees: f32,
+) -> NeubrdfResult {
+    call(|| {
+        // SAFETY: as the caller says.
+        unsafe { update(renderer, &[Change::Environment(environment(width, height, texels, rotation_degrees)?)]) }
+    })
+}
+
+/// Another sun, from the next frame on: as of `neubrdf_scene_set_sun`.
+///
+/// # Safety
+/// Each is null or points to three floats.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn neubrdf_renderer_set_sun(
+    renderer: *mut NeubrdfRenderer,
+    direction: *const f32,
+    irradiance: *const f32,
+) -> NeubrdfResult {
+    // SAFETY: as the caller says.
+    call(|| unsafe { update(renderer, &[Change::Sun(sun(direction, irradiance)?)]) })
+}

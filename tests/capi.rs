@@ -1,0 +1,141 @@
+//! The C interface: its header is what cbindgen makes of it now, and a host in C++ that builds against that gets the bits that
+//! a host in Rust gets.
+
+mod common;
+
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+use common::*;
+use neubrdf::render::{Options, Settings};
+use neubrdf::scene::{Film, Scene};
+
+const ROOT: &str = env!("CARGO_MANIFEST_DIR");
+
+fn header() -> String {
+    let sources =
+        ["call", "context", "scene", "renderer"].map(|name| Path::new(ROOT).join(format!("src/capi/{name}.rs")));
+    let mut config = cbindgen::Config {
+        language: cbindgen::Language::C,
+        cpp_compat: true,
+        include_guard: Some("NEUBRDF_H".into()),
+        no_includes: true,
+        sys_includes: vec!["stdint.h".into(), "vulkan/vulkan_core.h".into()],
+        header: Some(
+            "/* neubrdf: path-traced neural BRDFs in your own Vulkan device. Made by cbindgen from src/capi: do not edit.\n\n   \
+             Every call returns a NeubrdfResult; neubrdf_last_error says more. An object is used by one thread at a time.\n   \
+             Structs begin with their size: set it, and let all that you do not know of be 0.\n   \
+             docs/embedding.md is the page to begin with. */"
+                .into(),
+        ),
+        documentation_style: cbindgen::DocumentationStyle::Doxy,
+        line_length: 120,
+        ..cbindgen::Config::default()
+    };
+    // Named in structs by their numbers alone.
+    let enums = ["Surface", "Traversal", "Sampler", "Reserve", "Format", "Channel"];
+    config.export.include = enums.map(|name| format!("Neubrdf{name}")).to_vec();
+    config.enumeration.rename_variants = cbindgen::RenameRule::QualifiedScreamingSnakeCase;
+    let builder = sources.iter().fold(cbindgen::Builder::new(), |builder, source| builder.with_src(source));
+    let mut text = Vec::new();
+    builder.with_config(config).generate().unwrap().write(&mut text);
+    // What Rust calls safety is what C programmers expect to be told anyway.
+    String::from_utf8(text).unwrap().replace(" * # Safety\n", "")
+}
+
+#[test]
+fn the_header_is_that_of_the_source() {
+    let path = Path::new(ROOT).join("src/capi/neubrdf.h");
+    let made = header();
+    if std::env::var_os("NEUBRDF_BLESS").is_some() {
+        std::fs::write(&path, &made).unwrap();
+    }
+    let found = std::fs::read_to_string(&path).unwrap_or_default();
+    assert!(found == made, "{} is stale: NEUBRDF_BLESS=1 cargo test --test capi", path.display());
+}
+
+/// Where cargo puts the shared library of this build.
+fn library_directory() -> PathBuf {
+    let test = std::env::current_exe().unwrap();
+    test.parent().unwrap().to_owned()
+}
+
+/// Runs a command to its end; `None` where the program is not installed, with all that it said where it fails.
+fn run(command: &mut Command) -> Option<String> {
+    match command.output() {
+        Ok(output) => {
+            let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
+            assert!(output.status.success(), "{command:?}:\n{}{}", text(&output.stdout), text(&output.stderr));
+            Some(text(&output.stdout))
+        }
+        Err(error) if std::env::var_os("NEUBRDF_REQUIRE_DRIVERS").is_some() => panic!("{command:?}: {error}"),
+        Err(error) => {
+            eprintln!("skipped: {command:?}: {error}");
+            None
+        }
+    }
+}
+
+fn vulkan_headers_are_there() -> bool {
+    Path::new("/usr/include/vulkan/vulkan_core.h").exists() || std::env::var_os("NEUBRDF_REQUIRE_DRIVERS").is_some()
+}
+
+fn compile(compiler: &str, flags: &[&str], source: &str, program: &Path) -> Option<()> {
+    let libraries = library_directory();
+    run(Command::new(compiler)
+        .args(["-Wall", "-Wextra", "-Werror", "-Wno-missing-field-initializers", "-O1"])
+        .args(flags)
+        .arg(Path::new(ROOT).join("tests/capi").join(source))
+        .arg("-I")
+        .arg(Path::new(ROOT).join("src/capi"))
+        .arg("-L")
+        .arg(&libraries)
+        .arg(format!("-Wl,-rpath,{}", libraries.display()))
+        .args(["-lneubrdf", "-lvulkan", "-o"])
+        .arg(program))
+    .map(|_| ())
+}
+
+#[test]
+fn a_host_in_cpp_gets_the_bits_of_rust() {
+    let Some(driver) = driver(LAVAPIPE) else { return };
+    if !vulkan_headers_are_there() {
+        return eprintln!("skipped: no Vulkan headers (Debian: libvulkan-dev)");
+    }
+    let scratch = tempfile::tempdir().unwrap();
+    let program = scratch.path().join("host");
+    if compile("g++", &["-std=c++17"], "host.cpp", &program).is_none() {
+        return;
+    }
+    let file = Path::new(ROOT).join("scenes/cornell/cornell.obj");
+    let pixels = scratch.path().join("pixels.bin");
+    let said = run(Command::new(&program).arg(&file).arg(&pixels).arg(LAVAPIPE)).unwrap();
+    println!("{said}");
+    assert!(said.contains("validation messages: 0"), "{said}");
+
+    let (mut scene, _) = Scene::load(&file).unwrap();
+    scene.film = Film { width: 64, height: 48 };
+    let settings = Settings { max_depth: 5, seed: 3, features: false, ..Settings::default() };
+    let expected = bits(&render(&driver.device, &scene, &settings, &Options::default(), 8));
+    let bytes = std::fs::read(&pixels).unwrap();
+    let words: Vec<u32> = bytes.chunks_exact(4).map(|word| u32::from_le_bytes(word.try_into().unwrap())).collect();
+    let found: Vec<[u32; 3]> = words.chunks_exact(4).map(|pixel| [pixel[0], pixel[1], pixel[2]]).collect();
+    assert_eq!(found.len(), expected.len());
+    let differing = found.iter().zip(&expected).filter(|(a, b)| a != b).count();
+    assert!(differing == 0, "{differing} of {} pixels differ", expected.len());
+    driver.finish();
+}
+
+/// The header is C, and mistakes come back as results with words.
+#[test]
+fn mistakes_in_c_are_results() {
+    if !vulkan_headers_are_there() {
+        return eprintln!("skipped: no Vulkan headers (Debian: libvulkan-dev)");
+    }
+    let scratch = tempfile::tempdir().unwrap();
+    let program = scratch.path().join("mistakes");
+    if compile("cc", &["-std=c11", "-pedantic"], "mistakes.c", &program).is_some() {
+        let said = run(Command::new(&program).arg(Path::new(ROOT).join("Cargo.toml"))).unwrap();
+        assert!(said.contains("all is as expected"), "{said}");
+    }
+}

@@ -1,0 +1,84 @@
+/* What goes wrong in C comes back as a result with words, and never as a crash.
+ *
+ *   mistakes FILE      a file that is no scene
+ */
+#include "neubrdf.h"
+
+#include <stdio.h>
+#include <string.h>
+
+static int failures = 0;
+
+static void expect(NeubrdfResult found, NeubrdfResult expected, const char *words, const char *call) {
+    const char *said = neubrdf_last_error();
+    if (found == expected && (found == NEUBRDF_RESULT_OK || strstr(said, words))) return;
+    failures += 1;
+    printf("%s returned %d, not %d, and said: %s\n", call, found, expected, said);
+}
+
+#define EXPECT(call, expected, words) expect(call, expected, words, #call)
+
+static void scenes(const char *file) {
+    NeubrdfScene *scene = NULL;
+    EXPECT(neubrdf_scene_load(NULL, &scene), NEUBRDF_RESULT_INVALID_ARGUMENT, "path");
+    EXPECT(neubrdf_scene_load("/nowhere.obj", &scene), NEUBRDF_RESULT_SCENE, "/nowhere.obj");
+    EXPECT(neubrdf_scene_load("\xff", &scene), NEUBRDF_RESULT_INVALID_ARGUMENT, "UTF-8");
+    EXPECT(neubrdf_scene_load(file, &scene), NEUBRDF_RESULT_SCENE, "unknown key");
+    EXPECT(neubrdf_scene_create(NULL), NEUBRDF_RESULT_INVALID_ARGUMENT, "null");
+
+    EXPECT(neubrdf_scene_create(&scene), NEUBRDF_RESULT_OK, "");
+    EXPECT(neubrdf_scene_set_film(scene, 0, 1), NEUBRDF_RESULT_INVALID_ARGUMENT, "0x1");
+    NeubrdfCamera camera;
+    memset(&camera, 0, sizeof camera);
+    EXPECT(neubrdf_scene_set_camera(scene, &camera), NEUBRDF_RESULT_INVALID_ARGUMENT, "sizeof(NeubrdfCamera)");
+    camera.size = sizeof camera;
+    EXPECT(neubrdf_scene_set_camera(scene, &camera), NEUBRDF_RESULT_SCENE, "target");
+    EXPECT(neubrdf_scene_add_instance(scene, 7, NULL, NULL), NEUBRDF_RESULT_SCENE, "mesh of instance 0");
+    NeubrdfMaterial material;
+    memset(&material, 0, sizeof material);
+    material.size = sizeof material;
+    material.surface = 99;
+    EXPECT(neubrdf_scene_add_material(scene, &material, NULL), NEUBRDF_RESULT_INVALID_ARGUMENT, "surface is 99");
+    material.surface = NEUBRDF_SURFACE_DIFFUSE;
+    uint32_t index = 9;
+    EXPECT(neubrdf_scene_add_material(scene, &material, &index), NEUBRDF_RESULT_OK, "");
+    if (index != 0) failures += 1;
+    NeubrdfMesh mesh;
+    memset(&mesh, 0, sizeof mesh);
+    mesh.size = sizeof mesh;
+    mesh.vertex_count = 3;
+    EXPECT(neubrdf_scene_add_mesh(scene, &mesh, NULL), NEUBRDF_RESULT_INVALID_ARGUMENT, "positions");
+    EXPECT(neubrdf_scene_add_texture(scene, 0, 4, NULL, NULL), NEUBRDF_RESULT_INVALID_ARGUMENT, "0x4");
+    EXPECT(neubrdf_scene_add_material_file(scene, "/nowhere.neubrdf", NULL, NULL), NEUBRDF_RESULT_SCENE, "/nowhere");
+    const float down[3] = {0, 0, 0};
+    EXPECT(neubrdf_scene_set_sun(scene, down, down), NEUBRDF_RESULT_INVALID_ARGUMENT, "direction");
+    const float nan = 0.0f / 0.0f;
+    const float sky[3] = {nan, 0, 0};
+    EXPECT(neubrdf_scene_set_environment(scene, 1, 1, sky, 0), NEUBRDF_RESULT_SCENE, "");
+    if (neubrdf_scene_warning(scene, 0)) failures += 1;
+    neubrdf_scene_destroy(scene);
+    neubrdf_scene_destroy(NULL);
+}
+
+static void devices(void) {
+    NeubrdfHost host;
+    memset(&host, 0, sizeof host);
+    NeubrdfContext *context = NULL;
+    EXPECT(neubrdf_context_create(NULL, &context), NEUBRDF_RESULT_INVALID_ARGUMENT, "NeubrdfHost");
+    host.size = sizeof host;
+    EXPECT(neubrdf_context_create(&host, &context), NEUBRDF_RESULT_INVALID_ARGUMENT, "get_instance_proc_addr");
+    EXPECT(neubrdf_renderer_create(NULL, NULL, NULL, NULL), NEUBRDF_RESULT_INVALID_ARGUMENT, "context is null");
+    EXPECT(neubrdf_renderer_record(NULL, NULL, NULL, NULL), NEUBRDF_RESULT_INVALID_ARGUMENT, "renderer is null");
+    EXPECT(neubrdf_renderer_complete(NULL, 0, NULL), NEUBRDF_RESULT_INVALID_ARGUMENT, "renderer is null");
+    neubrdf_renderer_destroy(NULL);
+    neubrdf_context_destroy(NULL);
+}
+
+int main(int argc, char **argv) {
+    if (argc != 2) return 2;
+    if (neubrdf_version() < 1000) failures += 1;
+    scenes(argv[1]);
+    devices();
+    printf(failures ? "%d mistakes\n" : "all is as expected\n", failures);
+    return failures != 0;
+}
