@@ -7,8 +7,9 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use common::*;
+use glam::{Affine3A, Quat, Vec2, Vec3};
 use neubrdf::render::{Options, Settings};
-use neubrdf::scene::{Film, Scene};
+use neubrdf::scene::{Color, Environment, Film, Instance, Mesh, Scene, Sun, Surface, Texture};
 
 const ROOT: &str = env!("CARGO_MANIFEST_DIR");
 
@@ -96,6 +97,41 @@ fn compile(compiler: &str, flags: &[&str], source: &str, program: &Path) -> Opti
     .map(|_| ())
 }
 
+/// The scene that tests/capi/host.cpp makes, after its changes.
+fn made_and_changed() -> Scene {
+    let square = |material| Mesh {
+        name: "square".into(),
+        positions: [[-1, 1], [1, 1], [1, -1], [-1, -1]].map(|[x, z]| Vec3::new(x as f32, 0.0, z as f32)).to_vec(),
+        uvs: vec![Vec2::ZERO, Vec2::X, Vec2::ONE, Vec2::Y],
+        triangles: vec![[0, 1, 2], [0, 2, 3]],
+        materials: vec![material],
+        ..Mesh::default()
+    };
+    let textured = Color { value: Vec3::splat(0.75), texture: Some(0) };
+    let half = |texel: [f32; 4]| texel.map(half::f16::from_f32);
+    let above = Affine3A::from_scale_rotation_translation(Vec3::splat(0.5), Quat::IDENTITY, Vec3::new(0.25, 0.75, 0.0));
+    let place = |mesh, object_to_world| Instance { mesh, object_to_world };
+    let mut scene = scene(
+        vec![square(0), square(1)],
+        vec![material("floor", Surface::Diffuse { albedo: textured }), material("metal", conductor(0.25, 0.5))],
+        Vec3::new(1.0, 2.0, 2.0),
+        Vec3::ZERO,
+        [64, 48],
+    );
+    scene.camera.vertical_fov_degrees = 45.0;
+    scene.camera.up = Vec3::Y;
+    scene.instances = vec![place(0, Affine3A::IDENTITY), place(1, above)];
+    scene.textures = vec![Texture {
+        name: "texture".into(),
+        width: 2,
+        height: 1,
+        texels: vec![half([1.0, 0.5, 0.25, 1.0]), half([0.25, 0.5, 1.0, 1.0])],
+    }];
+    scene.environment = Some(Environment::constant(Vec3::new(0.25, 0.5, 0.75)));
+    scene.sun = Some(Sun { direction: Vec3::Y, irradiance: Vec3::new(1.0, 2.0, 1.0) });
+    scene
+}
+
 #[test]
 fn a_host_in_cpp_gets_the_bits_of_rust() {
     let Some(driver) = driver(LAVAPIPE) else { return };
@@ -108,21 +144,23 @@ fn a_host_in_cpp_gets_the_bits_of_rust() {
         return;
     }
     let file = Path::new(ROOT).join("scenes/cornell/cornell.obj");
-    let pixels = scratch.path().join("pixels.bin");
-    let said = run(Command::new(&program).arg(&file).arg(&pixels).arg(LAVAPIPE)).unwrap();
-    println!("{said}");
-    assert!(said.contains("validation messages: 0"), "{said}");
-
-    let (mut scene, _) = Scene::load(&file).unwrap();
-    scene.film = Film { width: 64, height: 48 };
-    let settings = Settings { max_depth: 5, seed: 3, features: false, ..Settings::default() };
-    let expected = bits(&render(&driver.device, &scene, &settings, &Options::default(), 8));
-    let bytes = std::fs::read(&pixels).unwrap();
-    let words: Vec<u32> = bytes.chunks_exact(4).map(|word| u32::from_le_bytes(word.try_into().unwrap())).collect();
-    let found: Vec<[u32; 3]> = words.chunks_exact(4).map(|pixel| [pixel[0], pixel[1], pixel[2]]).collect();
-    assert_eq!(found.len(), expected.len());
-    let differing = found.iter().zip(&expected).filter(|(a, b)| a != b).count();
-    assert!(differing == 0, "{differing} of {} pixels differ", expected.len());
+    let (mut loaded, _) = Scene::load(&file).unwrap();
+    loaded.film = Film { width: 64, height: 48 };
+    // Of the made one the first of four frames is that of the scene before the changes.
+    for (what, scene, samples) in [(file.as_path(), loaded, 8), (Path::new("made"), made_and_changed(), 6)] {
+        let pixels = scratch.path().join("pixels.bin");
+        let said = run(Command::new(&program).arg(what).arg(&pixels).arg(LAVAPIPE)).unwrap();
+        println!("{said}");
+        assert!(said.contains("validation messages: 0"), "{said}");
+        let settings = Settings { max_depth: 5, seed: 3, features: false, ..Settings::default() };
+        let expected = bits(&render(&driver.device, &scene, &settings, &Options::default(), samples));
+        let bytes = std::fs::read(&pixels).unwrap();
+        let words: Vec<u32> = bytes.chunks_exact(4).map(|word| u32::from_le_bytes(word.try_into().unwrap())).collect();
+        let found: Vec<[u32; 3]> = words.chunks_exact(4).map(|pixel| [pixel[0], pixel[1], pixel[2]]).collect();
+        assert_eq!(found.len(), expected.len());
+        let differing = found.iter().zip(&expected).filter(|(a, b)| a != b).count();
+        assert!(differing == 0, "{}: {differing} of {} pixels differ", what.display(), expected.len());
+    }
     driver.finish();
 }
 

@@ -1,7 +1,7 @@
 // A small engine in C++: its own instance, device, queue, command buffer and image, under synchronization validation. It renders an
-// OBJ file into its image, a few frames in flight, and writes the pixels to a file.
+// OBJ file, or a scene that it makes itself and then changes, into its image, a few frames in flight, and writes the pixels to a file.
 //
-//   host SCENE PIXELS DEVICE
+//   host SCENE PIXELS DEVICE      SCENE: a file, or `made`
 #include "neubrdf.h"
 
 #include <vulkan/vulkan.h>
@@ -147,8 +147,79 @@ VkDeviceMemory Engine::allocate(const VkMemoryRequirements& needs, VkMemoryPrope
     return memory;
 }
 
+static NeubrdfCamera camera_at(float x, float y, float z) {
+    NeubrdfCamera camera{};
+    camera.size = sizeof camera;
+    camera.vertical_fov_degrees = 45.0f;
+    camera.eye[0] = x, camera.eye[1] = y, camera.eye[2] = z;
+    camera.up[1] = 1.0f;
+    return camera;
+}
+
+static NeubrdfMaterial material_of(NeubrdfSurface surface, float grey, float alpha) {
+    NeubrdfMaterial material{};
+    material.size = sizeof material;
+    material.surface = surface;
+    material.color[0] = material.color[1] = material.color[2] = grey;
+    material.alpha[0] = material.alpha[1] = alpha;
+    return material;
+}
+
+// A textured floor and a metal square above it, under a grey sky and a sun.
+static NeubrdfScene* make_scene() {
+    NeubrdfScene* scene;
+    CHECK(neubrdf_scene_create(&scene));
+    const float texels[] = {1.0f, 0.5f, 0.25f, 0.25f, 0.5f, 1.0f};
+    CHECK(neubrdf_scene_add_texture(scene, 2, 1, texels, nullptr));
+    NeubrdfMaterial floor = material_of(NEUBRDF_SURFACE_DIFFUSE, 0.75f, 0.0f);
+    floor.texture = 1;
+    CHECK(neubrdf_scene_add_material(scene, &floor, nullptr));
+    NeubrdfMaterial metal = material_of(NEUBRDF_SURFACE_CONDUCTOR, 0.5f, 0.25f);
+    CHECK(neubrdf_scene_add_material(scene, &metal, nullptr));
+    const float positions[] = {-1, 0, 1, 1, 0, 1, 1, 0, -1, -1, 0, -1};
+    const float uvs[] = {0, 0, 1, 0, 1, 1, 0, 1};
+    const uint32_t indices[] = {0, 1, 2, 0, 2, 3};
+    for (uint32_t material = 0; material < 2; ++material) {
+        NeubrdfMesh mesh{};
+        mesh.size = sizeof mesh;
+        mesh.vertex_count = 4;
+        mesh.positions = positions;
+        mesh.uvs = uvs;
+        mesh.indices = indices;
+        mesh.triangle_count = 2;
+        mesh.material = material;
+        CHECK(neubrdf_scene_add_mesh(scene, &mesh, nullptr));
+    }
+    CHECK(neubrdf_scene_add_instance(scene, 0, nullptr, nullptr));
+    const float above[] = {0.5f, 0, 0, 0, 0, 0.5f, 0, 0.5f, 0, 0, 0.5f, 0};
+    CHECK(neubrdf_scene_add_instance(scene, 1, above, nullptr));
+    NeubrdfCamera camera = camera_at(0, 2, 2);
+    CHECK(neubrdf_scene_set_camera(scene, &camera));
+    const float sky[] = {0.5f, 0.5f, 0.5f};
+    CHECK(neubrdf_scene_set_environment(scene, 1, 1, sky, 0));
+    const float towards[] = {0, 1, 0}, irradiance[] = {2, 2, 2};
+    CHECK(neubrdf_scene_set_sun(scene, towards, irradiance));
+    return scene;
+}
+
+// All that can change.
+static void change(NeubrdfRenderer* renderer) {
+    NeubrdfCamera camera = camera_at(1, 2, 2);
+    CHECK(neubrdf_renderer_set_camera(renderer, &camera));
+    const uint32_t instance = 1;
+    const float higher[] = {0.5f, 0, 0, 0.25f, 0, 0.5f, 0, 0.75f, 0, 0, 0.5f, 0};
+    CHECK(neubrdf_renderer_set_transforms(renderer, &instance, higher, 1));
+    NeubrdfMaterial metal = material_of(NEUBRDF_SURFACE_CONDUCTOR, 0.25f, 0.5f);
+    CHECK(neubrdf_renderer_set_material(renderer, 1, &metal));
+    const float sky[] = {0.25f, 0.5f, 0.75f};
+    CHECK(neubrdf_renderer_set_environment(renderer, 1, 1, sky, 0));
+    const float towards[] = {0, 1, 0}, irradiance[] = {1, 2, 1};
+    CHECK(neubrdf_renderer_set_sun(renderer, towards, irradiance));
+}
+
 static void render(const Engine& engine, const char* file, const char* output) {
     const uint32_t width = 64, height = 48, frames = 4;
+    const bool is_made = std::strcmp(file, "made") == 0;
     const VkDeviceSize bytes = VkDeviceSize(width) * height * 16;
 
     // The engine's image, and memory to read it back through.
@@ -185,8 +256,9 @@ static void render(const Engine& engine, const char* file, const char* output) {
     host.debug_utils = 1;
     NeubrdfContext* context;
     CHECK(neubrdf_context_create(&host, &context));
-    NeubrdfScene* scene;
-    CHECK(neubrdf_scene_load(file, &scene));
+    NeubrdfScene* scene = nullptr;
+    if (is_made) scene = make_scene();
+    else CHECK(neubrdf_scene_load(file, &scene));
     CHECK(neubrdf_scene_set_film(scene, width, height));
     NeubrdfOptions options{};
     options.size = sizeof options;
@@ -208,6 +280,7 @@ static void render(const Engine& engine, const char* file, const char* output) {
     CHECK(vkCreateFence(engine.device, &fence_info, nullptr, &fence));
     uint64_t ticket = 0;
     for (uint32_t i = 0; i < frames; ++i) {
+        if (is_made && i == 1) change(renderer);
         VkCommandBufferBeginInfo begin{VK_STRUCTURE_TYPE_COMMAND_BUFFER_BEGIN_INFO};
         CHECK(vkBeginCommandBuffer(commands[i], &begin));
         NeubrdfTarget target{};
@@ -236,7 +309,9 @@ static void render(const Engine& engine, const char* file, const char* output) {
         CHECK(vkQueueSubmit(engine.queue, 1, &submit, i + 1 == frames ? fence : VK_NULL_HANDLE));
     }
     // One more would be too many.
-    if (neubrdf_renderer_record(renderer, commands[0], nullptr, nullptr) != NEUBRDF_RESULT_INVALID_ARGUMENT) std::exit(1);
+    NeubrdfFrame one_more{};
+    one_more.size = sizeof one_more;
+    if (neubrdf_renderer_record(renderer, commands[0], &one_more, nullptr) != NEUBRDF_RESULT_FRAMES_IN_FLIGHT) std::exit(1);
     CHECK(vkWaitForFences(engine.device, 1, &fence, VK_TRUE, UINT64_MAX));
     NeubrdfStatus status{};
     status.size = sizeof status;
