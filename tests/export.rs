@@ -13,6 +13,8 @@ use glam::{DVec3, Vec3};
 use neubrdf::export::{
     ENTRY_POINT, Error, Exported, ExportedAnswer, ExportedModel, ExportedQuery, Language, Place, export,
 };
+use neubrdf::material::LobeSampled;
+use neubrdf::scene::Brdf;
 use neubrdf::scene::brdf::{CornerWeights, NeuBrdf, Precision};
 use on_wgpu::OnWgpu;
 use rayon::prelude::*;
@@ -172,17 +174,65 @@ fn glsl_compiles_and_gives_the_same_values() {
     }
 }
 
+/// HLSL without the zeros that dxc initialises arrays by: glslang does not know them.
+fn without_zeros(text: &str) -> String {
+    let lines =
+        text.lines().map(|line| match line.trim_end().strip_suffix("])0;").and_then(|line| line.split_once(" = ")) {
+            Some((declaration, _)) => format!("{declaration};\n"),
+            None => format!("{line}\n"),
+        });
+    lines.collect()
+}
+
 #[test]
 fn hlsl_compiles() {
     let exported = small(Language::Hlsl, Place { group: 2, binding: 3 });
-    // glslang does not know the zeros that dxc initialises arrays by.
-    let is_zeros = |line: &&str| line.trim_end().ends_with("])0;");
-    let without_zeros = |line: &str| line.split(" = ").next().map(|declaration| format!("{declaration};\n"));
-    let lines = exported.shader.lines().map(|line| match line {
-        zeros if is_zeros(&zeros) => without_zeros(zeros).unwrap(),
-        line => format!("{line}\n"),
-    });
-    glslang(&lines.collect::<String>(), &["-D", "-e", ENTRY_POINT]);
+    glslang(&without_zeros(&exported.shader), &["-D", "-e", ENTRY_POINT]);
+}
+
+/// The example in a language of docs/exporting.md.
+fn example(language: &str) -> String {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/exporting.md");
+    let page = std::fs::read_to_string(path).unwrap();
+    let begin = format!("```{language}\n");
+    page.split(&begin).nth(1).unwrap().split("```").next().unwrap().to_owned()
+}
+
+#[test]
+fn the_examples_of_the_documentation_compile_and_compute_the_albedo() {
+    const COUNT: usize = 4096;
+    let place = Place::default();
+    let named = [("chrome_polished".to_owned(), shipped("chrome_polished"))];
+    let [wgsl, glsl, hlsl] =
+        [Language::Wgsl, Language::Glsl, Language::Hlsl].map(|language| export(&named, language, place).unwrap());
+    let included = |example: &str, name: &str, module: &str| {
+        let line = format!("#include \"{name}\"\n");
+        assert!(example.contains(&line), "{example}");
+        example.replace(&line, module)
+    };
+    let hlsl = included(&example("hlsl"), "chrome_polished.hlsl", &without_zeros(&hlsl.shader));
+    glslang(&hlsl, &["-D", "-e", "bounce"]);
+    let compiled = glslang(&included(&example("glsl"), "chrome_polished.glsl", &glsl.shader), &[]);
+
+    let brdf = &named[0].1;
+    let values = Brdf::NeuBrdf(Box::new(brdf.clone()));
+    let sampled = LobeSampled { brdf: &values, lobe: &brdf.lobe };
+    let golden = [0.8191725f32, 0.6710436, 0.5497005];
+    let weight = |i: usize| {
+        let u = golden.map(|step| f64::from((0.5 + i as f32 * step).fract()));
+        sampled.sample(DVec3::new(0.6, 0.0, 0.8), u).map_or(DVec3::ZERO, |sample| sample.weight)
+    };
+    let expected = (0..COUNT).map(weight).sum::<DVec3>() / COUNT as f64;
+    let Some(gpu) = OnWgpu::new() else { return };
+    let modules =
+        [(Some(wgsl.shader.clone() + &example("wgsl")), "bounce"), (compiled.map(|spirv| to_wgsl(&spirv)), "main")];
+    for (text, entry_point) in modules.iter().filter_map(|(text, entry)| text.as_ref().map(|text| (text, entry))) {
+        let bytes = wgsl.bytes();
+        let weights = gpu.run::<[f32; 4]>(text, entry_point, &[(place, &bytes)], Place { group: 1, binding: 0 }, COUNT);
+        let sum: DVec3 = weights.iter().map(|[r, g, b, _]| Vec3::new(*r, *g, *b).as_dvec3()).sum();
+        let found = sum / COUNT as f64;
+        assert!((found - expected).abs().max_element() < 1e-3, "{entry_point}: {found}, not {expected}");
+    }
 }
 
 #[test]
