@@ -29,6 +29,7 @@
 
 const uint NEUBRDF_INPUT_GROUPS = 2u * NEUBRDF_FEATURE_GROUPS;
 const uint NEUBRDF_GROUPS = NEUBRDF_INPUT_GROUPS > NEUBRDF_HIDDEN_GROUPS ? NEUBRDF_INPUT_GROUPS : NEUBRDF_HIDDEN_GROUPS;
+const uint NEUBRDF_SLOTS = NEUBRDF_DIRECTIONS * NEUBRDF_GROUPS;    // one direction after another
 const uint NEUBRDF_PAIRS = NEUBRDF_LAYERS / 2u;
 const bool NEUBRDF_IS_ODD = (NEUBRDF_LAYERS & 1u) != 0u;
 
@@ -38,7 +39,7 @@ uint neubrdf_first(uint distance) {
 }
 
 // The weighted sum of the codes at the corners of the pixel of w: features of direction d, from group `first` on.
-void neubrdf_features(NeuBrdfTable table, SphereTableRecord sphere, bool has_equal_weights, vec3 w, uint d, uint first, inout vec4 x[NEUBRDF_DIRECTIONS][NEUBRDF_GROUPS]) {
+void neubrdf_features(NeuBrdfTable table, SphereTableRecord sphere, bool has_equal_weights, vec3 w, uint d, uint first, inout vec4 x[NEUBRDF_SLOTS]) {
     SphereCell cell = sphere_cell(sphere.n_side, w);
     if (sphere.levels != 0u) {
         uint pixel = sphere_pixel(sphere.n_side, cell);
@@ -55,20 +56,20 @@ void neubrdf_features(NeuBrdfTable table, SphereTableRecord sphere, bool has_equ
         uint group = neubrdf_first(sphere.codes) + code * NEUBRDF_FEATURE_GROUPS;
         [[unroll]] for (uint i = 0u; i < NEUBRDF_FEATURE_GROUPS; ++i) {
             vec4 feature = corners.weights[corner] * neubrdf_numbers(table, group + i);
-            x[d][first + i] = corner == 0u ? feature : x[d][first + i] + feature;
+            x[d * NEUBRDF_GROUPS + first + i] = corner == 0u ? feature : x[d * NEUBRDF_GROUPS + first + i] + feature;
         }
     }
 }
 
 // Sums of a pair of layers, whose numbers begin at group `at`, without the second one's ReLU. If `shares`, the first half of the
 // inputs, the features of wo, is the same for all directions.
-void neubrdf_pair(NeuBrdfTable table, inout uint at, uint inputs, uint outputs, bool shares, inout vec4 x[NEUBRDF_DIRECTIONS][NEUBRDF_GROUPS]) {
-    vec4 sum[NEUBRDF_DIRECTIONS][NEUBRDF_GROUPS];
+void neubrdf_pair(NeuBrdfTable table, inout uint at, uint inputs, uint outputs, bool shares, inout vec4 x[NEUBRDF_SLOTS]) {
+    vec4 sum[NEUBRDF_SLOTS];
     [[unroll]] for (uint i = 0u; i < NEUBRDF_GROUPS; ++i) {
         if (i < outputs) {
-            sum[0][i] = neubrdf_numbers(table, at + i);
+            sum[i] = neubrdf_numbers(table, at + i);
             [[unroll]] for (uint d = 1u; d < NEUBRDF_DIRECTIONS; ++d) {
-                sum[d][i] = sum[0][i];
+                sum[d * NEUBRDF_GROUPS + i] = sum[i];
             }
         }
     }
@@ -85,7 +86,7 @@ void neubrdf_pair(NeuBrdfTable table, inout uint at, uint inputs, uint outputs, 
                 [[unroll]] for (uint c = 0u; c < 4u; ++c) {
                     vec4 weights = neubrdf_next(run, 1u + 4u * i + c);
                     [[unroll]] for (uint d = 0u; d < NEUBRDF_DIRECTIONS; ++d) {
-                        y[d] = d > 0u && shares && 2u * i < inputs ? y[0] : y[d] + weights * x[d][i][c];
+                        y[d] = d > 0u && shares && 2u * i < inputs ? y[0] : y[d] + weights * x[d * NEUBRDF_GROUPS + i][c];
                     }
                 }
             }
@@ -98,14 +99,20 @@ void neubrdf_pair(NeuBrdfTable table, inout uint at, uint inputs, uint outputs, 
                 [[unroll]] for (uint c = 0u; c < 4u; ++c) {
                     vec4 weights = neubrdf_next(run, 1u + 4u * inputs + 4u * i + c);
                     [[unroll]] for (uint d = 0u; d < NEUBRDF_DIRECTIONS; ++d) {
-                        sum[d][i][c] += dot(weights, y[d]);
+                        sum[d * NEUBRDF_GROUPS + i][c] += dot(weights, y[d]);
                     }
                 }
             }
         }
         at += 4u * inputs + 1u + 4u * outputs;
     }
-    x = sum;
+    [[unroll]] for (uint i = 0u; i < NEUBRDF_GROUPS; ++i) {
+        if (i < outputs) {
+            [[unroll]] for (uint d = 0u; d < NEUBRDF_DIRECTIONS; ++d) {
+                x[d * NEUBRDF_GROUPS + i] = sum[d * NEUBRDF_GROUPS + i];
+            }
+        }
+    }
 }
 
 // wo turned about z, and mirrored, so that wi gets the azimuth 0 and wo one in [0, π]; 0 where either is the pole.
@@ -124,7 +131,7 @@ vec3 neubrdf_decode(NeuBrdfHeader header, vec3 y) {
 void neubrdf_values(NeuBrdfTable table, vec3 wo, vec3 wi[NEUBRDF_DIRECTIONS], out vec3 f[NEUBRDF_DIRECTIONS]) {
     NeuBrdfHeader header = neubrdf_header(table);
     bool has_equal_weights = header.has_equal_weights != 0u;
-    vec4 x[NEUBRDF_DIRECTIONS][NEUBRDF_GROUPS];
+    vec4 x[NEUBRDF_SLOTS];
     [[unroll]] for (uint d = 0u; d < NEUBRDF_DIRECTIONS; ++d) {
         bool turns = NEUBRDF_ISOTROPIC && header.is_isotropic != 0u;
         vec3 wi_turned = turns ? vec3(length(wi[d].xy), 0.0, wi[d].z) : wi[d];
@@ -144,7 +151,7 @@ void neubrdf_values(NeuBrdfTable table, vec3 wo, vec3 wi[NEUBRDF_DIRECTIONS], ou
         if (!is_last) {
             [[unroll]] for (uint i = 0u; i < NEUBRDF_HIDDEN_GROUPS; ++i) {
                 [[unroll]] for (uint d = 0u; d < NEUBRDF_DIRECTIONS; ++d) {
-                    x[d][i] = max(x[d][i], 0.0);
+                    x[d * NEUBRDF_GROUPS + i] = max(x[d * NEUBRDF_GROUPS + i], 0.0);
                 }
             }
         }
@@ -159,16 +166,16 @@ void neubrdf_values(NeuBrdfTable table, vec3 wo, vec3 wi[NEUBRDF_DIRECTIONS], ou
             [[unroll]] for (uint channel = 0u; channel < 3u; ++channel) {
                 vec4 weights = neubrdf_numbers(table, at + 1u + 3u * i + channel);
                 [[unroll]] for (uint d = 0u; d < NEUBRDF_DIRECTIONS; ++d) {
-                    y[d][channel] += dot(weights, x[d][i]);
+                    y[d][channel] += dot(weights, x[d * NEUBRDF_GROUPS + i]);
                 }
             }
         }
         [[unroll]] for (uint d = 0u; d < NEUBRDF_DIRECTIONS; ++d) {
-            x[d][0] = y[d];
+            x[d * NEUBRDF_GROUPS] = y[d];
         }
     }
     [[unroll]] for (uint d = 0u; d < NEUBRDF_DIRECTIONS; ++d) {
-        f[d] = neubrdf_decode(header, x[d][0].xyz);
+        f[d] = neubrdf_decode(header, x[d * NEUBRDF_GROUPS].xyz);
     }
 }
 
