@@ -1,4 +1,5 @@
-//! Keeps `spirv/` up to date with `glsl/kernels/*.comp` and generates the table of modules that `gpu::spirv` serves.
+//! Keeps `spirv/` up to date with `glsl/kernels/*.comp` and generates the table of modules that `gpu::spirv` serves. Likewise
+//! `spirv/export/` with `glsl/export/*.comp`, modules for other programs, which are not in the table.
 //!
 //! `spirv/NAME.spv` is checked in, so that nobody needs a shader compiler. Beside it stands `spirv/NAME.hash`: a hash of
 //! the kernel's source, of everything that it includes, of the compiler flags and of the compiler's version. Where the
@@ -17,6 +18,8 @@ use std::{env, fs, io};
 const COMPILER: &str = "glslangValidator";
 // Names stay in the modules: tests/layout.rs compares them with the Rust structs.
 const FLAGS: [&str; 5] = ["-V", "--target-env", "vulkan1.2", "-Iglsl", "--quiet"];
+// Vulkan 1.2's SPIR-V has instructions that naga does not read.
+const EXPORT_FLAGS: [&str; 5] = ["-V", "--target-env", "vulkan1.1", "-Iglsl", "--quiet"];
 
 fn main() {
     println!("cargo:rerun-if-changed=build.rs");
@@ -44,17 +47,20 @@ fn tell_revision() {
 fn build() -> Result<(), String> {
     let root = PathBuf::from(env::var("CARGO_MANIFEST_DIR").map_err(|e| e.to_string())?);
     let kernels = kernels(&root).map_err(|e| format!("glsl/kernels: {e}"))?;
-    remove_orphans(&root, &kernels).map_err(|e| format!("spirv: {e}"))?;
+    let exported = exported(&root).map_err(|e| format!("glsl/export: {e}"))?;
+    remove_orphans(&root, "", &kernels).map_err(|e| format!("spirv: {e}"))?;
+    remove_orphans(&root, "export/", &exported).map_err(|e| format!("spirv/export: {e}"))?;
     let version = compiler_version();
     let mut errors = Vec::new();
-    for kernel in &kernels {
+    for kernel in kernels.iter().chain(&exported) {
         if is_fresh(&root, kernel)? {
             continue;
         }
         match &version {
             Some(version) => errors.extend(compile(&root, kernel, version).err()),
             None => println!(
-                "cargo:warning=spirv/{kernel}.spv is older than glsl/kernels/{kernel}.comp: install {COMPILER} (Debian: glslang-tools)"
+                "cargo:warning=spirv/{kernel}.spv is older than glsl/{}: install {COMPILER} (Debian: glslang-tools)",
+                source(kernel)
             ),
         }
     }
@@ -71,6 +77,21 @@ pub fn kernels(root: &Path) -> io::Result<Vec<String>> {
     stems(&root.join("glsl/kernels"), "comp")
 }
 
+/// The names of all modules for other programs, sorted.
+pub fn exported(root: &Path) -> io::Result<Vec<String>> {
+    let stems = stems(&root.join("glsl/export"), "comp")?;
+    Ok(stems.iter().map(|stem| format!("export/{stem}")).collect())
+}
+
+/// The source of a module, below `glsl/`.
+fn source(module: &str) -> String {
+    if module.starts_with("export/") { format!("{module}.comp") } else { format!("kernels/{module}.comp") }
+}
+
+fn flags(module: &str) -> [&'static str; 5] {
+    if module.starts_with("export/") { EXPORT_FLAGS } else { FLAGS }
+}
+
 /// Whether `spirv/NAME.spv` was compiled from today's sources with today's flags.
 pub fn is_fresh(root: &Path, kernel: &str) -> Result<bool, String> {
     let Ok(record) = fs::read_to_string(root.join(format!("spirv/{kernel}.hash"))) else { return Ok(false) };
@@ -80,15 +101,16 @@ pub fn is_fresh(root: &Path, kernel: &str) -> Result<bool, String> {
 
 /// What `spirv/NAME.hash` should hold for a module compiled from today's sources by the compiler of that version.
 fn record(root: &Path, kernel: &str, version: &str) -> Result<String, String> {
-    let flags = FLAGS.join(" ");
+    let flags = flags(kernel).join(" ");
     let mut hasher = blake3::Hasher::new();
     for (path, text) in sources(root, kernel)? {
         hasher.update(format!("{path}\0{}\0", text.len()).as_bytes()).update(text.as_bytes());
     }
     let hash = hasher.update(format!("{flags}\0{version}").as_bytes()).finalize();
     Ok(format!(
-        "# What spirv/{kernel}.spv was compiled from: glsl/kernels/{kernel}.comp and all that it includes. Written by build.rs.\n\
-         compiler: {version}\nflags: {flags}\nblake3 of sources, flags and compiler: {hash}\n"
+        "# What spirv/{kernel}.spv was compiled from: glsl/{} and all that it includes. Written by build.rs.\n\
+         compiler: {version}\nflags: {flags}\nblake3 of sources, flags and compiler: {hash}\n",
+        source(kernel)
     ))
 }
 
@@ -96,7 +118,7 @@ fn record(root: &Path, kernel: &str, version: &str) -> Result<String, String> {
 fn sources(root: &Path, kernel: &str) -> Result<BTreeMap<String, String>, String> {
     let glsl = root.join("glsl");
     let mut found = BTreeMap::new();
-    let mut open = vec![format!("kernels/{kernel}.comp")];
+    let mut open = vec![source(kernel)];
     while let Some(path) = open.pop() {
         if found.contains_key(&path) {
             continue;
@@ -119,24 +141,21 @@ fn sources(root: &Path, kernel: &str) -> Result<BTreeMap<String, String>, String
 /// Compiles one kernel and writes its record. The files are written whole or not at all.
 fn compile(root: &Path, kernel: &str, version: &str) -> Result<(), String> {
     let io_error = |e: io::Error| format!("spirv/{kernel}.spv: {e}");
-    fs::create_dir_all(root.join("spirv")).map_err(io_error)?;
     let record = record(root, kernel, version)?;
     let module = root.join(format!("spirv/{kernel}.spv"));
-    let unfinished = root.join(format!("spirv/.{kernel}.{}", std::process::id()));
+    let unfinished = module.with_extension(format!("{}.unfinished", std::process::id()));
+    fs::create_dir_all(module.parent().unwrap_or(root)).map_err(io_error)?;
     let output = Command::new(COMPILER)
         .current_dir(root)
-        .args(FLAGS)
+        .args(flags(kernel))
         .arg("-o")
         .arg(&unfinished)
-        .arg(format!("glsl/kernels/{kernel}.comp"))
+        .arg(format!("glsl/{}", source(kernel)))
         .output()
         .map_err(|e| format!("{COMPILER}: {e}"))?;
     if !output.status.success() {
         let _ = fs::remove_file(&unfinished);
-        return Err(format!(
-            "glsl/kernels/{kernel}.comp does not compile:\n{}",
-            String::from_utf8_lossy(&output.stdout)
-        ));
+        return Err(format!("glsl/{} does not compile:\n{}", source(kernel), String::from_utf8_lossy(&output.stdout)));
     }
     fs::rename(&unfinished, &module).map_err(io_error)?;
     fs::write(&unfinished, record).map_err(io_error)?;
@@ -161,13 +180,15 @@ fn newest(directory: &Path) -> io::Result<SystemTime> {
     Ok(newest)
 }
 
-/// A module whose kernel is gone goes too.
-fn remove_orphans(root: &Path, kernels: &[String]) -> io::Result<()> {
-    let directory = root.join("spirv");
-    let kernels: BTreeSet<&String> = kernels.iter().collect();
+/// A module whose source is gone goes too; `folder` is empty or ends in a slash, as the names below it begin.
+fn remove_orphans(root: &Path, folder: &str, modules: &[String]) -> io::Result<()> {
+    let directory = root.join("spirv").join(folder);
+    let modules: BTreeSet<&String> = modules.iter().collect();
     for extension in ["spv", "hash"] {
-        for stem in stems(&directory, extension)?.iter().filter(|stem| !kernels.contains(stem)) {
-            fs::remove_file(directory.join(format!("{stem}.{extension}")))?;
+        for stem in stems(&directory, extension)? {
+            if !modules.contains(&format!("{folder}{stem}")) {
+                fs::remove_file(directory.join(format!("{stem}.{extension}")))?;
+            }
         }
     }
     Ok(())

@@ -7,6 +7,7 @@
 //! | [`capi`] | [`plugin`] for C and C++ |
 //! | [`converge`] | error metrics and statistical tests over pictures; studies of speed against error |
 //! | [`plugin`] | the path tracer inside a host's Vulkan: records, and nothing else |
+//! | [`export`] | the material alone: NeuBRDFs as shader modules and buffers for other tracers |
 //! | [`render`] | the wavefront path tracer on Vulkan: queues, film, checkpoints |
 //! | `reference` | the Embree CPU path tracer (cargo feature `embree`) |
 //! | [`train`] | fits neural BRDFs on the CPU |
@@ -17,6 +18,7 @@
 
 pub mod capi;
 pub mod converge;
+pub mod export;
 pub mod gpu;
 pub mod image;
 pub mod material;

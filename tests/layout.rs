@@ -52,6 +52,22 @@ fn every_struct_of_every_kernel_is_laid_out_as_its_rust_counterpart() {
 }
 
 #[test]
+fn structs_of_exported_modules_are_laid_out_as_their_rust_counterparts() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let shared: BTreeMap<_, _> = neubrdf::export::EXPORT_STRUCTS.iter().map(|layout| (layout.name, layout)).collect();
+    let mut seen = BTreeSet::new();
+    for module in build_script::exported(root).unwrap() {
+        let reflected = Reflection::new(&std::fs::read(root.join(format!("spirv/{module}.spv"))).unwrap());
+        // Structs of buffers, which have offsets.
+        let in_buffers = reflected.names.iter().filter(|(id, _)| reflected.offsets.contains_key(&(**id, 0)));
+        for (id, name) in in_buffers.filter(|(_, name)| shared.contains_key(name.as_str())) {
+            reflected.check(*id, &shared, &mut seen, &mut |problem| panic!("{module}, {name}: {problem}"));
+        }
+    }
+    assert!(seen.iter().eq(shared.keys()), "found {seen:?} of {:?}", shared.keys());
+}
+
+#[test]
 fn a_struct_that_differs_is_found() {
     let right = common::gpu_structs::GPU_TEST_STRUCTS.iter().find(|s| s.name == "GpuTestFillPush").unwrap();
     let source = spirv::load("gpu_test_fill").unwrap();
@@ -112,15 +128,18 @@ fn a_kernel_has_push_constants_and_at_most_one_acceleration_structure() {
 fn every_module_is_compiled_from_the_source_as_it_stands() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
     let kernels = build_script::kernels(root).unwrap();
-    let stale: Vec<_> = kernels.iter().filter(|kernel| !build_script::is_fresh(root, kernel).unwrap()).collect();
+    let exported = build_script::exported(root).unwrap();
+    let modules = kernels.iter().chain(&exported);
+    let stale: Vec<_> = modules.filter(|module| !build_script::is_fresh(root, module).unwrap()).collect();
     assert!(stale.is_empty(), "stale in spirv/: {stale:?}; install glslangValidator, build, and commit spirv/");
     assert_eq!(spirv::names().collect::<Vec<_>>(), kernels, "spirv/ and glsl/kernels hold the same names");
 }
 
 #[test]
 fn every_module_is_valid() {
-    let modules = Path::new(env!("CARGO_MANIFEST_DIR")).join("spirv");
-    for name in spirv::names() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let modules = root.join("spirv");
+    for name in spirv::names().map(str::to_owned).chain(build_script::exported(root).unwrap()) {
         let mut validator = Command::new("spirv-val");
         validator.args(["--target-env", "vulkan1.2", "--scalar-block-layout"]).arg(modules.join(format!("{name}.spv")));
         match validator.output() {

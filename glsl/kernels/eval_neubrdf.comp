@@ -4,7 +4,7 @@
 
 layout(local_size_x_id = 0) in;
 
-#include "lib/neubrdf.glsl"
+#include "lib/neubrdf_by_address.glsl"
 
 struct NeuBrdfQuery {
     vec3 wo;

@@ -3,18 +3,12 @@
 #ifndef LAYOUT_NEUBRDF
 #define LAYOUT_NEUBRDF
 
-#extension GL_EXT_buffer_reference : require
-#extension GL_EXT_buffer_reference_uvec2 : require
-#extension GL_EXT_scalar_block_layout : require
-
-// What all models of a scene are filled up to, with zeros.
+// What all models that a kernel evaluates are filled up to, with zeros.
 layout(constant_id = 20) const uint NEUBRDF_FEATURE_GROUPS = 4u;   // of four features, of a direction
 layout(constant_id = 21) const uint NEUBRDF_HIDDEN_GROUPS = 16u;   // of four neurons, of a layer that is not the last
 layout(constant_id = 22) const uint NEUBRDF_LAYERS = 4u;
 layout(constant_id = 23) const bool NEUBRDF_HALF = false;          // codes, weights and biases are f16
 layout(constant_id = 24) const bool NEUBRDF_ISOTROPIC = true;      // some model is
-// Of a subgroup, which share loads of weights and are all active; 1: each invocation loads for itself.
-layout(constant_id = 25) const uint NEUBRDF_LANES = 1u;
 
 struct SphereTableRecord {
     uint n_side;
@@ -23,7 +17,7 @@ struct SphereTableRecord {
     uint levels;    // of pixels, four a word: how often they were merged; 0 where none was
 };
 
-layout(buffer_reference, scalar, buffer_reference_align = 16) readonly buffer NeuBrdfTable {
+struct NeuBrdfHeader {
     SphereTableRecord wi;
     SphereTableRecord wo;
     uint layers;           // see lib/neubrdf.glsl
@@ -35,9 +29,5 @@ layout(buffer_reference, scalar, buffer_reference_align = 16) readonly buffer Ne
     uint padding_0;
     uint padding_1;
 };
-
-layout(buffer_reference, scalar, buffer_reference_align = 16) readonly buffer NeuBrdfFloats { vec4 at[]; };
-layout(buffer_reference, scalar, buffer_reference_align = 8) readonly buffer NeuBrdfHalves { uvec2 at[]; };
-layout(buffer_reference, scalar, buffer_reference_align = 4) readonly buffer NeuBrdfWords { uint at[]; };
 
 #endif

@@ -15,10 +15,7 @@
 #define LIB_BSDF_GLSL
 
 #include "layout/material.glsl"
-#include "lib/circle.glsl"
-
-// Directions with |cos θ| below this lie in the surface.
-const float MIN_COSINE = 1e-6;
+#include "lib/hemisphere.glsl"
 
 struct BsdfSample {
     vec3 wi;
@@ -29,11 +26,6 @@ struct BsdfSample {
 
 BsdfSample bsdf_no_sample() {
     return BsdfSample(vec3(0.0, 0.0, 1.0), 0.0, vec3(0.0), false);
-}
-
-// Density cos θ / π: a point of the unit disk, lifted.
-vec3 sample_cosine_hemisphere(vec2 u) {
-    return vec3(sqrt(u.x) * unit_circle(u.y), sqrt(1.0 - u.x));
 }
 
 #endif

@@ -7,7 +7,7 @@
 
 #include "lib/bsdf.glsl"
 #include "lib/lobe_table.glsl"
-#include "lib/neubrdf.glsl"
+#include "lib/neubrdf_by_address.glsl"
 
 struct Brdf {
     uvec2 table;    // a NeuBrdfTable

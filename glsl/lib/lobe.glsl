@@ -1,5 +1,5 @@
-// BRDFs without a sampler of their own, by one-sample MIS of two anisotropic GGX lobes of visible normals and a cosine hemisphere:
-// src/material/lobe_sampled.rs. Included at the end of a family's lib/bsdf_X.glsl, behind
+// BRDFs without a sampler of their own, by one-sample MIS of the lobes of lib/lobes.glsl: src/material/lobe_sampled.rs. Included at the
+// end of a family's lib/bsdf_X.glsl, behind
 //
 //     struct Brdf;                               what the BRDF is evaluated from; uvec2 in place of buffer references
 //     Brdf brdf_make(MaterialRecord material);   its own data are at lobe_brdf_data(material), written by src/render/brdf_table.rs
@@ -14,8 +14,8 @@
 #define LIB_LOBE_GLSL
 
 #include "lib/bsdf.glsl"
-#include "lib/ggx.glsl"
 #include "lib/lobe_table.glsl"
+#include "lib/lobes.glsl"
 
 #extension GL_EXT_buffer_reference : require
 #extension GL_EXT_buffer_reference_uvec2 : require
@@ -29,7 +29,7 @@ struct Bsdf {
     Brdf brdf;
 };
 
-// GGX α of the first lobe along tangent and bitangent, of the second one; then the probability of each at cos θo = i / (LOBE_NODES - 1).
+// See lib/lobes.glsl.
 layout(buffer_reference, scalar, buffer_reference_align = 8) readonly buffer LobeTable {
     vec2 at[];
 };
@@ -50,39 +50,15 @@ bool bsdf_is_delta(Bsdf b) {
     return false;
 }
 
-// The probabilities of the lobes.
-vec2 lobe_weights(Bsdf b, float cosine) {
-    float position = clamp(cosine, 0.0, 1.0) * float(LOBE_NODES - 1u);
-    uint cell = min(uint(position), LOBE_NODES - 2u);
+Lobes bsdf_lobes(Bsdf b, float cosine) {
+    LobePlace place = lobe_place(cosine);
     LobeTable table = LobeTable(b.table);
-    return mix(table.at[2u + cell], table.at[3u + cell], position - float(cell));
-}
-
-bool both_above(vec3 wo, vec3 wi) {
-    return min(wo.z, wi.z) >= MIN_COSINE;
-}
-
-// The density of a direction, of which h is the half vector, of any length.
-float lobe_pdf(Bsdf b, vec3 wo, vec3 wi, vec3 h, vec2 weights) {
-    vec2 distribution = vec2(ggx_distribution(h, b.alpha.xy), ggx_distribution(h, b.alpha.zw));
-    vec2 stretch = vec2(ggx_stretch(wo, b.alpha.xy), ggx_stretch(wo, b.alpha.zw));
-    float lobes = dot(weights, 0.5 * distribution / (wo.z + stretch));
-    return both_above(wo, wi) ? lobes + (1.0 - weights.x - weights.y) * wi.z * INV_PI : 0.0;
+    return Lobes(b.alpha, mix(table.at[place.pair], table.at[place.pair + 1u], place.fraction));
 }
 
 // A direction and its density, 0 where there is none.
 vec4 bsdf_pick(Bsdf b, vec3 wo, vec3 u) {
-    vec2 weights = lobe_weights(b, wo.z);
-    vec3 wi, h;
-    if (u.z < weights.x + weights.y) {
-        // wo + wi would no longer tell where in a narrow lobe the facet is.
-        h = ggx_sample(vec3(wo.xy, max(wo.z, MIN_COSINE)), u.z < weights.x ? b.alpha.xy : b.alpha.zw, u.xy);
-        wi = normalize(2.0 * dot(wo, h) * h - wo);
-    } else {
-        wi = sample_cosine_hemisphere(u.xy);
-        h = wo + wi;
-    }
-    return vec4(wi, lobe_pdf(b, wo, wi, h, weights));
+    return lobes_sample(bsdf_lobes(b, wo.z), wo, u);
 }
 
 // f and pdf of the first direction; f of the second one, which bsdf_pick has picked.
@@ -93,7 +69,7 @@ void bsdf_eval_pair(Bsdf b, vec3 wo, vec3 wi, vec3 picked, out vec4 eval_pdf, ou
     bool is_picked = both_above(wo, picked);
     vec3 f;
     brdf_eval_pair(b.brdf, wo.z >= MIN_COSINE ? wo : up, is_lit ? wi : up, is_picked ? picked : up, f, f_picked);
-    float pdf = lobe_pdf(b, wo, wi, wo + wi, lobe_weights(b, wo.z));
+    float pdf = lobes_pdf(bsdf_lobes(b, wo.z), wo, wi, wo + wi);
     eval_pdf = is_lit ? vec4(f, pdf) : vec4(0.0);
     f_picked = is_picked ? f_picked : vec3(0.0);
 }

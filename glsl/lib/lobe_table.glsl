@@ -3,9 +3,7 @@
 #define LIB_LOBE_TABLE_GLSL
 
 #include "layout/material.glsl"
-
-const uint LOBE_NODES = 16u;
-const uint LOBE_BYTES = 16u + 8u * LOBE_NODES;
+#include "lib/lobes.glsl"
 
 // The address of what src/render/brdf_table.rs has put behind the lobes; a multiple of 16.
 uvec2 lobe_brdf_data(MaterialRecord material) {

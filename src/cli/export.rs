@@ -1,31 +1,130 @@
 //! `neubrdf export`.
 
-use std::path::PathBuf;
+use std::ffi::OsStr;
+use std::io::Write;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
-use anyhow::Result;
+use anyhow::{Context, Result, bail};
 use neubrdf::converge::export_mitsuba;
+use neubrdf::export::{Exported, Language, Place, export};
+use neubrdf::image::{Error, atomic_write};
 use neubrdf::scene::Scene;
+use neubrdf::scene::brdf::NeuBrdf;
 
-/// Write a scene for another renderer. What that renderer defines otherwise is an error.
+use super::job::check_writable;
+
+/// Write NeuBRDFs as a shader module and its data, or a scene for another renderer. What that renderer defines otherwise is an error.
 #[derive(clap::Args)]
 pub struct Arguments {
-    /// A scene file (.toml) or a bare .obj
-    scene: PathBuf,
+    /// .neubrdf files for --shader, which share a module; a scene file (.toml) or a bare .obj for --mitsuba
+    #[arg(required = true)]
+    inputs: Vec<PathBuf>,
+    /// Write a module with the functions neubrdf_eval, neubrdf_pdf and neubrdf_sample: glsl, wgsl, hlsl or msl
+    #[arg(long, value_name = "LANGUAGE", required_unless_present = "mitsuba")]
+    shader: Option<Language>,
+    /// The module to write, or a directory for it; its data (.bin) and their description (.json) go beside it
+    #[arg(
+        short,
+        long,
+        value_name = "PATH",
+        requires = "shader",
+        conflicts_with = "mitsuba",
+        required_unless_present = "mitsuba"
+    )]
+    output: Option<PathBuf>,
+    /// Descriptor set, bind group or register space of the data
+    #[arg(long, default_value_t = 0, requires = "shader")]
+    group: u32,
+    /// Their binding, register or buffer index
+    #[arg(long, default_value_t = 0, requires = "shader")]
+    binding: u32,
     /// Directory for Mitsuba 3's scene.xml and its meshes
-    #[arg(long, value_name = "DIRECTORY")]
-    mitsuba: PathBuf,
+    #[arg(long, value_name = "DIRECTORY", conflicts_with = "shader")]
+    mitsuba: Option<PathBuf>,
     /// Path segments, as of `render`
-    #[arg(long, default_value_t = 16, value_parser = clap::value_parser!(u32).range(1..=65_535))]
+    #[arg(long, default_value_t = 16, value_parser = clap::value_parser!(u32).range(1..=65_535), requires = "mitsuba")]
     max_depth: u32,
 }
 
 /// Loads and writes.
 pub fn run(arguments: Arguments) -> Result<ExitCode> {
-    let (scene, warnings) = Scene::load(&arguments.scene)?;
+    match (&arguments.mitsuba, arguments.shader, &arguments.output) {
+        (Some(directory), ..) => write_scene(&arguments, directory)?,
+        (None, Some(language), Some(output)) => write_shader(&arguments, language, output)?,
+        _ => bail!("nothing to write: say --shader LANGUAGE and -o PATH, or --mitsuba DIRECTORY"),
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+fn write_scene(arguments: &Arguments, directory: &Path) -> Result<()> {
+    let [scene] = &arguments.inputs[..] else { bail!("--mitsuba writes one scene, not {}", arguments.inputs.len()) };
+    let (scene, warnings) = Scene::load(scene)?;
     for warning in &warnings {
         eprintln!("warning: {warning}");
     }
-    println!("{}", export_mitsuba(&scene, arguments.max_depth, &arguments.mitsuba)?.display());
-    Ok(ExitCode::SUCCESS)
+    println!("{}", export_mitsuba(&scene, arguments.max_depth, directory)?.display());
+    Ok(())
+}
+
+fn write_shader(arguments: &Arguments, language: Language, output: &Path) -> Result<()> {
+    let module = module_path(&arguments.inputs, language, output)?;
+    let [data, description] = ["bin", "json"].map(|ending| module.with_extension(ending));
+    if [&data, &description].contains(&&module) {
+        bail!("{}: the module cannot be the .bin or the .json that is written beside it", module.display());
+    }
+    for path in [&module, &data, &description] {
+        check_writable(path)?;
+    }
+    let load = |path: &PathBuf| Ok((stem(path)?, NeuBrdf::load(path)?));
+    let models = arguments.inputs.iter().map(load).collect::<Result<Vec<_>>>()?;
+    let place = Place { group: arguments.group, binding: arguments.binding };
+    let exported = export(&models, language, place)?;
+    let description_text = format!("{:#}\n", describe(&exported, language, place, [&module, &data])?);
+    for (path, bytes) in [
+        (&data, exported.bytes()),
+        (&description, description_text.into_bytes()),
+        (&module, exported.shader.into_bytes()),
+    ] {
+        atomic_write(path, |file| {
+            file.write_all(&bytes).map_err(|source| Error::Io { path: path.to_owned(), source })
+        })?;
+        println!("{}", path.display());
+    }
+    Ok(())
+}
+
+/// The file of the module: `output`, or in that directory one that is named as the first input.
+fn module_path(inputs: &[PathBuf], language: Language, output: &Path) -> Result<PathBuf> {
+    Ok(match inputs {
+        [first, ..] if output.is_dir() => output.join(stem(first)?).with_extension(language.extension()),
+        _ => output.to_owned(),
+    })
+}
+
+fn stem(path: &Path) -> Result<String> {
+    let stem = path.file_stem().with_context(|| format!("{} names no file", path.display()))?;
+    Ok(stem.to_string_lossy().into_owned())
+}
+
+/// What stands in the .json.
+fn describe(
+    exported: &Exported,
+    language: Language,
+    place: Place,
+    [module, data]: [&Path; 2],
+) -> Result<serde_json::Value> {
+    let name = |path: &Path| path.file_name().map(OsStr::to_string_lossy).unwrap_or_default().into_owned();
+    Ok(serde_json::json!({
+        "version": env!("CARGO_PKG_VERSION"),
+        "language": language,
+        "module": name(module),
+        "data": name(data),
+        "bytes": 4 * exported.data.len(),
+        "layout": "32-bit words, little-endian, in one read-only storage buffer",
+        "group": place.group,
+        "binding": place.binding,
+        "precision": exported.precision,
+        "models": exported.models,
+    }))
 }

@@ -40,7 +40,7 @@ enum Command {
     Material(material::Arguments),
     /// Measure how error falls with time, method by method, and test for bias.
     Converge(Box<converge::Arguments>),
-    /// Write a scene as Mitsuba 3 reads it.
+    /// Write NeuBRDFs as shader modules for other tracers, or a scene as Mitsuba 3 reads it.
     Export(export::Arguments),
     /// List the Vulkan devices, what each would be used for, and what an unfit one lacks.
     Info(info::Arguments),

@@ -205,8 +205,8 @@ impl DeviceMaterials {
         precision: Option<Precision>,
     ) -> Result<(DeviceMaterials, NeuBrdfShape), Error> {
         let prepared = Prepared::all(materials, brdfs);
-        let packed =
-            MaterialTable::of(materials, &prepared, brdfs, precision.unwrap_or_else(|| neubrdf_precision(brdfs)));
+        let lossless = || neubrdf_precision(neubrdfs(brdfs.iter().map(Arc::as_ref)));
+        let packed = MaterialTable::of(materials, &prepared, brdfs, precision.unwrap_or_else(lossless));
         let tables = packed.tables.iter().map(|table| Ok(upload.buffer("material table", table)?));
         let tables = tables.collect::<Result<Vec<_>, Error>>()?;
         let addresses: Vec<u64> = tables.iter().map(|table| table.address()).collect();

@@ -32,8 +32,8 @@ pub use kernels::{Features, KernelPlan};
 pub use layout::{FeaturePixel, FilmPixel, SceneTable, WAVEFRONT_STRUCTS};
 pub use material_record::{Family, MATERIAL_STRUCTS, MaterialRecord, MaterialTable, family};
 pub use neubrdf_table::{
-    NEUBRDF_STRUCTS, NeuBrdfPush, NeuBrdfQuery, NeuBrdfShape, NeuBrdfTable, NeuBrdfValues, SphereTableRecord,
-    pack_neubrdf,
+    NEUBRDF_STRUCTS, NeuBrdfHeader, NeuBrdfPush, NeuBrdfQuery, NeuBrdfShape, NeuBrdfValues, SphereTableRecord,
+    neubrdf_precision, pack_neubrdf, pack_neubrdf_models,
 };
 pub(crate) use path_tracer::{ERROR_WORKGROUPS, PathTracer};
 pub use renderer::{Options, Renderer};

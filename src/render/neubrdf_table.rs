@@ -5,6 +5,7 @@ use std::sync::Arc;
 use bytemuck::cast_slice;
 use half::f16;
 
+use super::brdf_table;
 use crate::gpu::Device;
 use crate::scene::Brdf;
 use crate::scene::brdf::{CornerWeights, Dense, NO_CODE, NeuBrdf, Precision, SphereTable};
@@ -24,7 +25,7 @@ crate::shared_structs! {
 
     /// The header of a model; the GLSL says what the members mean.
     #[allow(missing_docs)]
-    pub struct NeuBrdfTable {
+    pub struct NeuBrdfHeader {
         pub wi: SphereTableRecord,
         pub wo: SphereTableRecord,
         pub layers: u32,
@@ -141,26 +142,41 @@ pub fn neubrdf_queue(brdfs: &[Arc<Brdf>], brdf: usize) -> u32 {
     }
 }
 
-/// Half precision where it holds all numbers of these BRDFs as they are, as it does where files are made so.
-pub fn neubrdf_precision(brdfs: &[Arc<Brdf>]) -> Precision {
+/// Half precision where it holds all numbers of these models as they are, as it does where files are made so.
+pub fn neubrdf_precision<'a>(models: impl IntoIterator<Item = &'a NeuBrdf>) -> Precision {
     let fits = |number: &f32| f16::from_f32(*number).to_f32() == *number;
     let table_fits = |table: &SphereTable| table.codes.iter().all(fits);
     let layer_fits = |layer: &Dense| layer.weights.iter().chain(&layer.bias).all(fits);
-    let mut models = neubrdfs(brdfs.iter().map(Arc::as_ref));
-    let fit = models.all(|m| table_fits(&m.wi) && table_fits(&m.wo) && m.layers.iter().all(layer_fits));
-    if fit { Precision::F16 } else { Precision::F32 }
+    let model_fits = |m: &NeuBrdf| table_fits(&m.wi) && table_fits(&m.wo) && m.layers.iter().all(layer_fits);
+    if models.into_iter().all(model_fits) { Precision::F16 } else { Precision::F32 }
+}
+
+/// Models one after another, each with its lobes before it as `glsl/lib/lobes.glsl` says, and the first word of each: a multiple of
+/// four. The shape holds them.
+pub fn pack_neubrdf_models<'a>(
+    models: impl IntoIterator<Item = &'a NeuBrdf>,
+    shape: &NeuBrdfShape,
+) -> (Vec<u32>, Vec<u32>) {
+    let mut words = Vec::new();
+    let mut firsts = Vec::new();
+    for model in models {
+        firsts.push(words.len() as u32);
+        words.append(&mut brdf_table::pack(&model.lobe, &pack_neubrdf(model, shape)));
+        words.resize(words.len().next_multiple_of(4), 0);
+    }
+    (words, firsts)
 }
 
 /// A model's words, for an address that is a multiple of 16. The shape holds it.
 pub fn pack_neubrdf(model: &NeuBrdf, shape: &NeuBrdfShape) -> Vec<u32> {
-    let mut words = vec![0; size_of::<NeuBrdfTable>() / 4];
+    let mut words = vec![0; size_of::<NeuBrdfHeader>() / 4];
     let wi = pack_sphere(&mut words, &model.wi, shape);
     let wo = pack_sphere(&mut words, &model.wo, shape);
     let layers = push(&mut words, &numbers(&pack_layers(model, shape), shape.precision));
     // Subgroups may read a little beyond the end.
     words.extend([0; MOST_LANES as usize]);
     let encoding = model.encoding;
-    let header = NeuBrdfTable {
+    let header = NeuBrdfHeader {
         wi,
         wo,
         layers,

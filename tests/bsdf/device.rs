@@ -5,7 +5,6 @@
 //! no arithmetic in `f32` can do that; there the shader has to be exact for an input a few ulp away: it may differ by
 //! [`ULPS`] times the sum of what an ulp in each input changes.
 
-use std::fmt::Write;
 use std::sync::Arc;
 
 use glam::{DVec3, Vec3};
@@ -89,7 +88,7 @@ impl Shader {
     }
 }
 
-fn as_material(surface: &Surface) -> Material {
+pub fn as_material(surface: &Surface) -> Material {
     Material { name: describe(surface), surface: surface.clone(), emission: Vec3::ZERO, emits_both_sides: false }
 }
 
@@ -135,7 +134,7 @@ fn surfaces(family: Family, brdfs: &[Arc<Brdf>]) -> Vec<Surface> {
 }
 
 /// Directions and random numbers for each surface in turn: uniform ones, pairs that a lobe joins, and hard ones.
-fn cases(surfaces: &[Surface], prepared: &[Arc<Prepared>], count: usize) -> Vec<BsdfTestCase> {
+pub fn cases(surfaces: &[Surface], prepared: &[Arc<Prepared>], count: usize) -> Vec<BsdfTestCase> {
     let mut random = Random(surfaces.len() as u64);
     let single = |w: DVec3| w.as_vec3().as_dvec3();
     (0..count)
@@ -318,6 +317,65 @@ fn compare_samples(bsdf: &Bsdf, case: &BsdfTestCase, result: &BsdfTestResult, na
     Some(deviation)
 }
 
+/// How far results are from the definitions.
+#[derive(Default)]
+pub struct Parity {
+    values: Deviation,
+    samples: Deviation,
+    undecided: usize,
+    count: usize,
+}
+
+impl Parity {
+    /// Compares results on a device of this name, and insists on what holds for all: finite numbers, directions of length 1.
+    pub fn of(
+        surfaces: &[Surface],
+        prepared: &[Arc<Prepared>],
+        cases: &[BsdfTestCase],
+        results: &[BsdfTestResult],
+        device: &str,
+    ) -> Parity {
+        let compare = |(case, result): (&BsdfTestCase, &BsdfTestResult)| {
+            let index = case.material as usize;
+            let surface = &surfaces[index];
+            let bsdf = Bsdf::new(&prepared[index], material::color(surface).value.as_dvec3());
+            let name = describe(surface);
+            let numbers = result.eval_pdf.iter().chain(&result.weight).chain([&result.pdf]);
+            assert!(numbers.copied().all(|x| x.is_finite() && x >= 0.0), "{result:?}: {name} {case:?} on {device}");
+            assert!((Vec3::from(result.wi).length() - 1.0).abs() < 1e-5, "{result:?}: {name} {case:?}");
+            assert_eq!(result.is_delta & 2 != 0, bsdf.is_delta(), "{name}");
+            if matches!(surface, Surface::Layered(_)) {
+                // One walk is no value: `layered` compares means.
+                return Parity { count: 1, ..Parity::default() };
+            }
+            let values = compare_values(&bsdf, case, result, &name);
+            match compare_samples(&bsdf, case, result, &name) {
+                Some(samples) => Parity { values, samples, undecided: 0, count: 1 },
+                None => Parity { values, samples: Deviation::default(), undecided: 1, count: 1 },
+            }
+        };
+        cases.par_iter().zip(results).map(compare).reduce(Parity::default, |a, b| Parity {
+            values: a.values.merge(b.values),
+            samples: a.samples.merge(b.samples),
+            undecided: a.undecided + b.undecided,
+            count: a.count + b.count,
+        })
+    }
+
+    pub fn holds(&self) -> bool {
+        self.values.holds() && self.samples.holds() && self.undecided < self.count / 200
+    }
+
+    pub fn report(&self, name: &str) -> String {
+        let Parity { values, samples, undecided, count } = self;
+        format!(
+            "{}{}    {undecided} of {count} samples at a close decision\n",
+            values.report(&format!("{name} values")),
+            samples.report(&format!("{name} samples")),
+        )
+    }
+}
+
 #[test]
 fn shaders_agree_with_the_definitions() {
     let brdfs: Vec<_> = networks::all().into_iter().chain(truths::measured()).map(|(_, brdf)| brdf).collect();
@@ -334,39 +392,12 @@ fn shaders_agree_with_the_definitions() {
             let prepared = Prepared::all(&surfaces.iter().map(as_material).collect::<Vec<_>>(), &brdfs);
             let cases = cases(&surfaces, &prepared, count);
             let results = Shader::new(device, &surfaces, &brdfs).run(&cases);
-            let (values, samples, undecided) = cases
-                .par_iter()
-                .zip(&results)
-                .map(|(case, result)| {
-                    let index = case.material as usize;
-                    let surface = &surfaces[index];
-                    let bsdf = Bsdf::new(&prepared[index], material::color(surface).value.as_dvec3());
-                    let surface_name = describe(surface);
-                    let numbers = result.eval_pdf.iter().chain(&result.weight).chain([&result.pdf]);
-                    assert!(
-                        numbers.copied().all(|x| x.is_finite() && x >= 0.0),
-                        "{result:?}: {surface_name} {case:?} on {name}"
-                    );
-                    assert!((Vec3::from(result.wi).length() - 1.0).abs() < 1e-5, "{result:?}: {surface_name} {case:?}");
-                    assert_eq!(result.is_delta & 2 != 0, bsdf.is_delta(), "{surface_name}");
-                    if family == Family::Layered {
-                        // One walk is no value: `layered` compares means.
-                        return Default::default();
-                    }
-                    let values = compare_values(&bsdf, case, result, &surface_name);
-                    match compare_samples(&bsdf, case, result, &surface_name) {
-                        Some(samples) => (values, samples, 0),
-                        None => (values, Deviation::default(), 1),
-                    }
-                })
-                .reduce(Default::default, |a, b| (a.0.merge(b.0), a.1.merge(b.1), a.2 + b.2));
+            let parity = Parity::of(&surfaces, &prepared, &cases, &results, name);
             if family == Family::Layered {
                 continue;
             }
-            holds &= values.holds() && samples.holds() && undecided < count / 200;
-            text += &values.report(&format!("{} values", family.name()));
-            text += &samples.report(&format!("{} samples", family.name()));
-            writeln!(text, "    {undecided} of {count} samples at a close decision").unwrap();
+            holds &= parity.holds();
+            text += &parity.report(family.name());
         }
         write_evidence(&format!("bsdf_parity_{name}.txt"), &text);
         assert!(holds, "{name}\n{text}");

@@ -6,8 +6,11 @@ mod common;
 mod configurations;
 mod device;
 mod energy;
+mod exported;
 mod layered;
 mod networks;
+#[path = "../common/on_wgpu.rs"]
+mod on_wgpu;
 mod sampling;
 mod sphere;
 mod truths;

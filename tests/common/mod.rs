@@ -4,6 +4,7 @@
 pub mod bsdf_structs;
 pub mod gpu_structs;
 pub mod networks;
+pub mod neubrdf_parity;
 pub mod random_neubrdf;
 pub mod tables;
 
@@ -34,7 +35,7 @@ impl Driver {
 }
 
 /// Whether a driver that is missing is a failure, not a reason to skip.
-fn drivers_are_required() -> bool {
+pub fn drivers_are_required() -> bool {
     std::env::var_os("NEUBRDF_REQUIRE_DRIVERS").is_some()
 }
 

@@ -1,0 +1,255 @@
+//! The material alone: NeuBRDFs as a shader module and a buffer, for engines with a tracer of their own.
+//!
+//! `glsl/lib/neubrdf_by_buffer.glsl` says what the module offers. GLSL is written as it stands there; WGSL, HLSL and MSL come
+//! from the same source, which build.rs has compiled to SPIR-V and naga translates.
+
+mod glsl;
+mod specialize;
+mod translate;
+
+use std::fmt::{self, Write};
+use std::str::FromStr;
+
+use serde::Serialize;
+
+pub use specialize::{Unknown, specialize};
+
+use crate::render::{NeuBrdfShape, neubrdf_precision, pack_neubrdf_models};
+use crate::scene::brdf::{Flaw, NeuBrdf, Precision};
+
+crate::shared_structs! {
+    /// The structs of `glsl/export/neubrdf.comp`.
+    pub const EXPORT_STRUCTS;
+
+    /// What to evaluate: directions in the local frame, z along the normal.
+    #[derive(Default)]
+    pub struct ExportedQuery {
+        /// Where light goes.
+        pub wo: [f32; 3],
+        /// First word of a model.
+        pub model: u32,
+        /// Where it comes from.
+        pub wi: [f32; 3],
+        /// Unused.
+        pub padding_0: u32,
+        /// Three numbers in [0, 1) for a sample.
+        pub u: [f32; 3],
+        /// Unused.
+        pub padding_1: u32,
+    }
+
+    /// What comes of it.
+    pub struct ExportedAnswer {
+        /// f(wo, wi) in sr⁻¹, without the cosine.
+        pub f: [f32; 3],
+        /// The density of wi, in sr⁻¹.
+        pub pdf: f32,
+        /// The sample for wo and u.
+        pub sampled_wi: [f32; 3],
+        /// Its density; 0 where there is no sample.
+        pub sampled_pdf: f32,
+    }
+}
+
+/// The entry point that answers an array of [`ExportedQuery`], in workgroups of 64.
+pub const ENTRY_POINT: &str = "neubrdf_answer";
+
+/// A shading language.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Language {
+    /// GLSL 4.50 for Vulkan.
+    Glsl,
+    /// WebGPU's.
+    Wgsl,
+    /// Direct3D's, shader model 6.0.
+    Hlsl,
+    /// Metal's, 2.4.
+    Msl,
+}
+
+impl Language {
+    /// The usual ending of its files.
+    pub fn extension(self) -> &'static str {
+        match self {
+            Language::Glsl => "glsl",
+            Language::Wgsl => "wgsl",
+            Language::Hlsl => "hlsl",
+            Language::Msl => "metal",
+        }
+    }
+}
+
+impl FromStr for Language {
+    type Err = String;
+
+    fn from_str(word: &str) -> Result<Language, String> {
+        match word {
+            "glsl" => Ok(Language::Glsl),
+            "wgsl" => Ok(Language::Wgsl),
+            "hlsl" => Ok(Language::Hlsl),
+            "msl" => Ok(Language::Msl),
+            _ => Err(format!("'{word}' is no shading language: expected glsl, wgsl, hlsl or msl")),
+        }
+    }
+}
+
+impl fmt::Display for Language {
+    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        f.write_str(match self {
+            Language::Glsl => "GLSL",
+            Language::Wgsl => "WGSL",
+            Language::Hlsl => "HLSL",
+            Language::Msl => "MSL",
+        })
+    }
+}
+
+/// Where the models' buffer is bound; the entry point's queries and answers come after it.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+pub struct Place {
+    /// Descriptor set, bind group or register space; nothing in MSL.
+    pub group: u32,
+    /// Binding, register or buffer index.
+    pub binding: u32,
+}
+
+impl Place {
+    /// The greatest group and binding: more than any device has, and such that all languages can say it.
+    pub const MOST: u32 = 200;
+}
+
+/// A model of an export.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct ExportedModel {
+    /// Its name.
+    pub name: String,
+    /// Where it begins in the buffer, in words of four bytes: the argument `model`.
+    pub first_word: u32,
+    /// Whether only the difference of azimuths matters.
+    pub is_isotropic: bool,
+    /// What it was trained on.
+    pub source: String,
+}
+
+/// Why there is no module.
+#[derive(Debug, thiserror::Error)]
+pub enum Error {
+    /// Nothing was given.
+    #[error("no model to export")]
+    Nothing,
+    /// A model is not valid.
+    #[error("{name}: {flaw}")]
+    Invalid {
+        /// Which.
+        name: String,
+        /// What is wrong.
+        flaw: Flaw,
+    },
+    /// Nothing can be bound there.
+    #[error("group {} and binding {}: expected at most {} for each", .0.group, .0.binding, Place::MOST)]
+    Place(Place),
+    /// naga, or what precedes it, refuses the module: a fault of this program.
+    #[error("the module cannot be written as {language}: {message}")]
+    Translation {
+        /// Which language.
+        language: Language,
+        /// Why.
+        message: String,
+    },
+}
+
+/// A module with its data.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Exported {
+    /// The module's text.
+    pub shader: String,
+    /// The buffer's words, little-endian in files; a multiple of 16 bytes.
+    pub data: Vec<u32>,
+    /// What is in it.
+    pub models: Vec<ExportedModel>,
+    /// How codes, weights and biases are stored.
+    pub precision: Precision,
+}
+
+/// Writes named models as one module and one buffer. The module is made for the widest of them; numbers are stored as f16 where that
+/// loses nothing.
+///
+/// # Errors
+/// No model, one that is not valid, or a place that no language can say.
+pub fn export(models: &[(String, NeuBrdf)], language: Language, place: Place) -> Result<Exported, Error> {
+    if models.is_empty() {
+        return Err(Error::Nothing);
+    }
+    if place.group.max(place.binding) > Place::MOST {
+        return Err(Error::Place(place));
+    }
+    for (name, model) in models {
+        model.validate().map_err(|flaw| Error::Invalid { name: name.clone(), flaw })?;
+    }
+    let of_models = || models.iter().map(|(_, model)| model);
+    let precision = neubrdf_precision(of_models());
+    let shape = NeuBrdfShape::of(of_models(), precision);
+    let (data, firsts) = pack_neubrdf_models(of_models(), &shape);
+    let models: Vec<ExportedModel> = models
+        .iter()
+        .zip(firsts)
+        .map(|((name, model), first_word)| ExportedModel {
+            name: name.clone(),
+            first_word,
+            is_isotropic: model.is_isotropic,
+            source: model.provenance.source.clone(),
+        })
+        .collect();
+    let text = match language {
+        Language::Glsl => glsl::module(&shape, place),
+        _ => translate::module(&shape, language, place)?,
+    };
+    let shader = header(language, place, &models) + &text;
+    Ok(Exported { shader, data, models, precision })
+}
+
+impl Exported {
+    /// The bytes of the data file.
+    pub fn bytes(&self) -> Vec<u8> {
+        self.data.iter().flat_map(|word| word.to_le_bytes()).collect()
+    }
+}
+
+/// The comment that a module begins with.
+fn header(language: Language, place: Place, models: &[ExportedModel]) -> String {
+    // A name from a file must not end the line.
+    let printable = |text: &str| text.replace(|c: char| c.is_control() || c == '\\', " ");
+    let mut text = format!(
+        "// NeuBRDFs as {language}, by neubrdf {}: the material alone.\n//\n\
+         // Functions; directions are unit vectors that point away from the surface, x along the tangent, z along the normal:\n\
+         //     neubrdf_eval(model, wo, wi)      f in 1/sr, RGB, without the cosine; 0 if either is below the surface\n\
+         //     neubrdf_pdf(model, wo, wi)       the density of neubrdf_sample, per unit solid angle\n\
+         //     neubrdf_sample(model, wo, u)     wi and its pdf, 0 if there is none; u: three numbers in [0, 1)\n",
+        env!("CARGO_PKG_VERSION"),
+    );
+    let _ = match language {
+        Language::Glsl => writeln!(
+            text,
+            "// Bind the data read-only as storage buffer: set {}, binding {}.",
+            place.group, place.binding
+        ),
+        Language::Wgsl => writeln!(
+            text,
+            "// Bind the data as read-only storage: @group({}) @binding({}).",
+            place.group, place.binding
+        ),
+        Language::Hlsl => {
+            writeln!(text, "// Bind the data as raw buffer: register(t{}, space{}).", place.binding, place.group)
+        }
+        Language::Msl => {
+            writeln!(text, "// Give the data as constant device buffer: the last argument of each function.")
+        }
+    };
+    text.push_str("// Models, by the first word in the data:\n");
+    for model in models {
+        let _ = writeln!(text, "//     {:>8}    {}", model.first_word, printable(&model.name));
+    }
+    text.push('\n');
+    text
+}

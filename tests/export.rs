@@ -1,0 +1,337 @@
+//! The material alone: exported modules give the definition's values, and are what their languages' compilers take.
+
+mod common;
+#[path = "common/on_wgpu.rs"]
+mod on_wgpu;
+
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+use common::neubrdf_parity::{Deviation, TOLERANCE, compare, hard_directions};
+use common::random_neubrdf::{Shape, Stream, random_neubrdf};
+use glam::{DVec3, Vec3};
+use neubrdf::export::{
+    ENTRY_POINT, Error, Exported, ExportedAnswer, ExportedModel, ExportedQuery, Language, Place, export,
+};
+use neubrdf::material::LobeSampled;
+use neubrdf::scene::Brdf;
+use neubrdf::scene::brdf::{CornerWeights, NeuBrdf, Precision};
+use on_wgpu::OnWgpu;
+use rayon::prelude::*;
+
+fn shipped(name: &str) -> NeuBrdf {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/materials");
+    NeuBrdf::load(&folder.join(name).with_extension("neubrdf")).unwrap()
+}
+
+/// Models by name, as an export takes them.
+fn named(models: &[&NeuBrdf]) -> Vec<(String, NeuBrdf)> {
+    models.iter().enumerate().map(|(index, model)| (format!("model {index}"), (*model).clone())).collect()
+}
+
+/// Pairs of directions: random ones, and such where something special happens; every third is below the surface or in it.
+fn queries(model: &ExportedModel, n_side: u32, random_count: usize, hard_count: usize) -> Vec<ExportedQuery> {
+    let mut random = Stream(u64::from(model.first_word) + 29);
+    let hard = hard_directions(n_side);
+    let query = |wo: Vec3, wi: Vec3| ExportedQuery {
+        wo: wo.into(),
+        wi: wi.into(),
+        model: model.first_word,
+        ..ExportedQuery::default()
+    };
+    let above = |w: DVec3| DVec3::new(w.x, w.y, w.z.max(1e-6)).as_vec3();
+    let mut found: Vec<_> =
+        (0..random_count).map(|_| query(above(random.direction()), above(random.direction()))).collect();
+    for index in 0..hard_count {
+        let w = hard[index % hard.len()];
+        let other = if index % 3 == 0 { hard[random.below(hard.len())] } else { above(random.direction()) };
+        found.push(if index % 2 == 0 { query(w, other) } else { query(other, w) });
+    }
+    found
+}
+
+/// Largest deviation of the values of a model of an export.
+fn deviation(brdf: &NeuBrdf, queries: &[ExportedQuery], answers: &[ExportedAnswer]) -> Deviation {
+    let pairs = queries.par_iter().zip(answers);
+    pairs
+        .map(|(query, answer)| {
+            let numbers = answer.f.iter().chain([&answer.pdf, &answer.sampled_pdf]);
+            assert!(numbers.copied().all(|x| x.is_finite() && x >= 0.0), "{query:?} {answer:?}");
+            compare(brdf, query.wo, query.wi, answer.f)
+        })
+        .reduce(Deviation::default, Deviation::merge)
+}
+
+/// Exports the models together, and compares each with its definition.
+fn check(gpu: &OnWgpu, models: &[&NeuBrdf], precision: Precision, counts: [usize; 2]) {
+    let place = Place { group: 1, binding: 2 };
+    let exported = export(&named(models), Language::Wgsl, place).unwrap();
+    assert_eq!(exported.precision, precision);
+    let [random, hard] = counts;
+    let both = exported.models.iter().zip(models);
+    let all: Vec<_> = both.flat_map(|(model, brdf)| queries(model, brdf.wi.grid.n_side(), random, hard)).collect();
+    let answers = gpu.answer(&exported, place, &all);
+    let parts = all.chunks(random + hard).zip(answers.chunks(random + hard));
+    for ((queries, answers), brdf) in parts.zip(models) {
+        let found = deviation(brdf, queries, answers);
+        let has_steps = !brdf.wi.levels.is_empty() || brdf.corner_weights == CornerWeights::Uniform;
+        eprintln!("{}: {found:?}", brdf.provenance.source);
+        assert!(found.worst <= TOLERANCE && (has_steps || found.at_steps == 0), "{brdf:?}: {found:?}");
+    }
+}
+
+#[test]
+fn wgsl_gives_the_values_of_the_definition_for_100_000_pairs() {
+    let Some(gpu) = OnWgpu::new() else { return };
+    check(&gpu, &[&random_neubrdf(Shape::FULL, 1)], Precision::F16, [90_000, 10_000]);
+}
+
+#[test]
+fn wgsl_gives_the_values_of_models_of_all_kinds() {
+    let Some(gpu) = OnWgpu::new() else { return };
+    let uniform = CornerWeights::Uniform;
+    let small = Shape { n_side: 16, features: 8, codes: 60, hidden: &[24, 16, 20], ..Shape::FULL };
+    let shapes = [
+        Shape { is_isotropic: true, is_pruned: true, ..small },
+        Shape { is_isotropic: true, corner_weights: uniform, n_side: 128, ..small },
+        Shape { is_pruned: true, corner_weights: uniform, ..small },
+        Shape { features: 3, hidden: &[5, 6], n_side: 2, codes: 9, ..small },
+        // A feature of its own for each point.
+        Shape { features: 1, hidden: &[7], n_side: 1, codes: 9, ..small },
+    ];
+    let models = shapes.map(|shape| random_neubrdf(shape, 5));
+    let [isotropic, rings, pruned, few, free] = models.each_ref();
+    check(&gpu, &[isotropic, rings, pruned], Precision::F16, [2000, 3000]);
+    check(&gpu, &[few], Precision::F16, [2000, 3000]);
+    check(&gpu, &[few, free], Precision::F16, [2000, 3000]);
+    let mut exact = random_neubrdf(small, 7);
+    exact.layers[0].weights[0] = 0.1;
+    check(&gpu, &[&exact], Precision::F32, [2000, 2000]);
+}
+
+#[test]
+fn models_of_several_shapes_share_a_module() {
+    let Some(gpu) = OnWgpu::new() else { return };
+    let models = [shipped("chrome_polished"), shipped("aluminium_brushed"), shipped("denim")];
+    check(&gpu, &models.each_ref(), Precision::F16, [3000, 1000]);
+}
+
+/// A module of a small model.
+fn small(language: Language, place: Place) -> Exported {
+    let shape = Shape { n_side: 4, features: 4, codes: 60, hidden: &[12, 16, 12], ..Shape::FULL };
+    export(&named(&[&random_neubrdf(shape, 3)]), language, place).unwrap()
+}
+
+/// The SPIR-V that glslangValidator makes of a text; `None` where it is missing.
+fn glslang(text: &str, arguments: &[&str]) -> Option<Vec<u8>> {
+    let folder = tempfile::tempdir().unwrap();
+    let [source, module] = ["source", "module.spv"].map(|name| folder.path().join(name));
+    std::fs::write(&source, text).unwrap();
+    let mut command = Command::new("glslangValidator");
+    command.args(["-V", "--target-env", "vulkan1.1", "-S", "comp", "-o"]).arg(&module).args(arguments).arg(&source);
+    match command.output() {
+        Ok(output) => {
+            let log = String::from_utf8_lossy(&output.stdout);
+            assert!(output.status.success() && !log.contains("WARNING"), "{log}");
+            Some(std::fs::read(module).unwrap())
+        }
+        Err(error) => {
+            eprintln!("skipped: glslangValidator: {error}");
+            None
+        }
+    }
+}
+
+/// SPIR-V as WGSL.
+fn to_wgsl(spirv: &[u8]) -> String {
+    let options = naga::front::spv::Options { adjust_coordinate_space: false, ..Default::default() };
+    let module = naga::front::spv::parse_u8_slice(spirv, &options).unwrap();
+    let flags = naga::valid::ValidationFlags::all();
+    let info = naga::valid::Validator::new(flags, naga::valid::Capabilities::all()).validate(&module).unwrap();
+    naga::back::wgsl::write_string(&module, &info, naga::back::wgsl::WriterFlags::empty()).unwrap()
+}
+
+#[test]
+fn glsl_compiles_and_gives_the_same_values() {
+    let place = Place { group: 2, binding: 3 };
+    let exported = small(Language::Glsl, place);
+    // As a library, in any shader.
+    let library = format!("#version 450\n{}\nlayout(local_size_x = 1) in;\nvoid main() {{}}\n", exported.shader);
+    glslang(&library, &[]);
+    let kernel = format!("#version 450\n#define NEUBRDF_KERNEL\n{}", exported.shader);
+    let (Some(spirv), Some(gpu)) = (glslang(&kernel, &[]), OnWgpu::new()) else { return };
+    let text = to_wgsl(&spirv).replace("fn main(", &format!("fn {ENTRY_POINT}("));
+    let compiled = Exported { shader: text, ..exported };
+    let original = small(Language::Wgsl, place);
+    let queries = queries(&compiled.models[0], 4, 2000, 2000);
+    let [answers, expected] = [&compiled, &original].map(|module| gpu.answer(module, place, &queries));
+    for ((answer, expected), query) in answers.iter().zip(&expected).zip(&queries) {
+        let numbers =
+            |answer: &ExportedAnswer| [answer.f, answer.sampled_wi, [answer.pdf, answer.sampled_pdf, 0.0]].concat();
+        for (found, expected) in numbers(answer).into_iter().zip(numbers(expected)) {
+            assert!((found - expected).abs() <= 1e-5 * expected.abs().max(0.01), "{answer:?}, {query:?}: {expected:?}");
+        }
+    }
+}
+
+/// HLSL without the zeros that dxc initialises arrays by: glslang does not know them.
+fn without_zeros(text: &str) -> String {
+    let lines =
+        text.lines().map(|line| match line.trim_end().strip_suffix("])0;").and_then(|line| line.split_once(" = ")) {
+            Some((declaration, _)) => format!("{declaration};\n"),
+            None => format!("{line}\n"),
+        });
+    lines.collect()
+}
+
+#[test]
+fn hlsl_compiles() {
+    let exported = small(Language::Hlsl, Place { group: 2, binding: 3 });
+    glslang(&without_zeros(&exported.shader), &["-D", "-e", ENTRY_POINT]);
+}
+
+/// The example in a language of docs/exporting.md.
+fn example(language: &str) -> String {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/exporting.md");
+    let page = std::fs::read_to_string(path).unwrap();
+    let begin = format!("```{language}\n");
+    page.split(&begin).nth(1).unwrap().split("```").next().unwrap().to_owned()
+}
+
+#[test]
+fn the_examples_of_the_documentation_compile_and_compute_the_albedo() {
+    const COUNT: usize = 4096;
+    let place = Place::default();
+    let named = [("chrome_polished".to_owned(), shipped("chrome_polished"))];
+    let [wgsl, glsl, hlsl] =
+        [Language::Wgsl, Language::Glsl, Language::Hlsl].map(|language| export(&named, language, place).unwrap());
+    let included = |example: &str, name: &str, module: &str| {
+        let line = format!("#include \"{name}\"\n");
+        assert!(example.contains(&line), "{example}");
+        example.replace(&line, module)
+    };
+    let hlsl = included(&example("hlsl"), "chrome_polished.hlsl", &without_zeros(&hlsl.shader));
+    glslang(&hlsl, &["-D", "-e", "bounce"]);
+    let compiled = glslang(&included(&example("glsl"), "chrome_polished.glsl", &glsl.shader), &[]);
+
+    let brdf = &named[0].1;
+    let values = Brdf::NeuBrdf(Box::new(brdf.clone()));
+    let sampled = LobeSampled { brdf: &values, lobe: &brdf.lobe };
+    let golden = [0.8191725f32, 0.6710436, 0.5497005];
+    let weight = |i: usize| {
+        let u = golden.map(|step| f64::from((0.5 + i as f32 * step).fract()));
+        sampled.sample(DVec3::new(0.6, 0.0, 0.8), u).map_or(DVec3::ZERO, |sample| sample.weight)
+    };
+    let expected = (0..COUNT).map(weight).sum::<DVec3>() / COUNT as f64;
+    let Some(gpu) = OnWgpu::new() else { return };
+    let modules =
+        [(Some(wgsl.shader.clone() + &example("wgsl")), "bounce"), (compiled.map(|spirv| to_wgsl(&spirv)), "main")];
+    for (text, entry_point) in modules.iter().filter_map(|(text, entry)| text.as_ref().map(|text| (text, entry))) {
+        let bytes = wgsl.bytes();
+        let weights = gpu.run::<[f32; 4]>(text, entry_point, &[(place, &bytes)], Place { group: 1, binding: 0 }, COUNT);
+        let sum: DVec3 = weights.iter().map(|[r, g, b, _]| Vec3::new(*r, *g, *b).as_dvec3()).sum();
+        let found = sum / COUNT as f64;
+        assert!((found - expected).abs().max_element() < 1e-3, "{entry_point}: {found}, not {expected}");
+    }
+}
+
+#[test]
+fn every_language_names_the_three_functions_and_the_buffer() {
+    let place = Place { group: 2, binding: 3 };
+    let functions = [
+        (
+            Language::Glsl,
+            "set = NEUBRDF_SET, binding = NEUBRDF_BINDING",
+            ["vec3 neubrdf_eval(", "float neubrdf_pdf(", "NeuBrdfSample neubrdf_sample("],
+        ),
+        (Language::Wgsl, "@group(2) @binding(3)", ["fn neubrdf_eval(", "fn neubrdf_pdf(", "fn neubrdf_sample("]),
+        (
+            Language::Hlsl,
+            "register(t3, space2)",
+            ["float3 neubrdf_eval(", "float neubrdf_pdf(", "NeuBrdfSample neubrdf_sample("],
+        ),
+        (
+            Language::Msl,
+            "[[buffer(3)]]",
+            ["metal::float3 neubrdf_eval(", "float neubrdf_pdf(", "NeuBrdfSample neubrdf_sample("],
+        ),
+    ];
+    for (language, binding, names) in functions {
+        let text = small(language, place).shader;
+        for name in names.iter().chain([&binding]) {
+            assert!(text.contains(name), "{language} lacks {name}:\n{text}");
+        }
+    }
+}
+
+#[test]
+fn what_cannot_be_exported_is_an_error() {
+    let model = random_neubrdf(Shape { n_side: 2, codes: 9, ..Shape::FULL }, 1);
+    let message = |models: &[(String, NeuBrdf)], place| export(models, Language::Wgsl, place).unwrap_err().to_string();
+    assert!(matches!(export(&[], Language::Glsl, Place::default()), Err(Error::Nothing)));
+    let far = Place { group: 0, binding: 1000 };
+    assert!(message(&named(&[&model]), far).contains("expected at most 200"));
+    let mut wrong = model.clone();
+    wrong.wo.indices[5] = 9;
+    let found = message(&[("rust".into(), wrong)], Place::default());
+    assert!(found.contains("rust: wo.indices: found Some(9)"), "{found}");
+    let mut infinite = model.clone();
+    infinite.layers[1].bias[0] = f32::INFINITY;
+    assert!(message(&named(&[&infinite]), Place::default()).contains("layers[1]"));
+    // A name is part of a comment, and stays within it.
+    let named = [("a\nfn evil() {}\u{2028}\\".to_owned(), model)];
+    for language in [Language::Glsl, Language::Wgsl, Language::Hlsl, Language::Msl] {
+        let text = export(&named, language, Place::default()).unwrap().shader;
+        assert!(text.lines().all(|line| !line.starts_with("fn evil")), "{language}");
+    }
+}
+
+fn run(arguments: &[&str]) -> (bool, String) {
+    let output = Command::new(env!("CARGO_BIN_EXE_neubrdf")).arg("export").args(arguments).output().unwrap();
+    (output.status.success(), String::from_utf8_lossy(&[output.stdout, output.stderr].concat()).into_owned())
+}
+
+#[test]
+fn the_command_writes_module_data_and_description() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    let text = |path: &Path| path.to_str().unwrap().to_owned();
+    let input = text(&Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/materials/denim.neubrdf"));
+    let output = text(folder.path());
+    let (succeeds, log) = run(&[&input, "--shader", "wgsl", "-o", &output, "--group", "1"]);
+    assert!(succeeds, "{log}");
+    let expected =
+        export(&[("denim".to_owned(), shipped("denim"))], Language::Wgsl, Place { group: 1, binding: 0 }).unwrap();
+    assert_eq!(std::fs::read_to_string(at("denim.wgsl")).unwrap(), expected.shader);
+    assert_eq!(std::fs::read(at("denim.bin")).unwrap(), expected.bytes());
+    let description: serde_json::Value = serde_json::from_slice(&std::fs::read(at("denim.json")).unwrap()).unwrap();
+    assert_eq!(description["bytes"], expected.bytes().len());
+    assert_eq!(description["models"][0]["first_word"], 0);
+    assert_eq!(description["group"], 1);
+
+    let files = || std::fs::read_dir(folder.path()).unwrap().count();
+    let before = files();
+    let refused = |arguments: &[&str], wanted: &str| {
+        let (succeeds, log) = run(arguments);
+        assert!(!succeeds && log.contains(wanted), "{log}");
+    };
+    // A file that is cut, one that is changed, none at all.
+    let bytes = std::fs::read(&input).unwrap();
+    let broken: PathBuf = at("broken.neubrdf");
+    for (content, wanted) in [
+        (&bytes[..30], "cut off"),
+        (&bytes[..100], "checksum"),
+        (&[&bytes[..200], &[1], &bytes[201..]].concat()[..], "checksum"),
+    ] {
+        std::fs::write(&broken, content).unwrap();
+        refused(&[&text(&broken), "--shader", "hlsl", "-o", &output], wanted);
+    }
+    std::fs::remove_file(&broken).unwrap();
+    refused(&[&text(&at("none.neubrdf")), "--shader", "msl", "-o", &output], "none.neubrdf");
+    refused(&[&input, "--shader", "spirv", "-o", &output], "expected glsl, wgsl, hlsl or msl");
+    refused(&[&input, "--shader", "glsl"], "--output");
+    refused(&[&input, "--shader", "glsl", "-o", &text(&at("there/denim.glsl"))], "there is no directory");
+    refused(&[&input, "--shader", "glsl", "-o", &text(&at("denim.bin"))], "cannot be the .bin");
+    refused(&[&input], "--shader");
+    assert_eq!(files(), before, "what fails writes nothing");
+}
