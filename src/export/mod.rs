@@ -12,8 +12,6 @@ use std::str::FromStr;
 
 use serde::Serialize;
 
-pub use specialize::{Unknown, specialize};
-
 use crate::render::{NeuBrdfShape, neubrdf_precision, pack_neubrdf_models};
 use crate::scene::brdf::{Flaw, NeuBrdf, Precision};
 
