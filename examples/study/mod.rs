@@ -1,0 +1,7 @@
+//! What the studies of training share: ground truths, and fits that are not done twice.
+
+mod fit;
+mod truths;
+
+pub use fit::{Cost, Errors, bar, errors, kept, key, train};
+pub use truths::{Truth, ours, published};
