@@ -2,11 +2,11 @@
 
 use std::io::Write;
 use std::path::Path;
-use std::time::Instant;
 
 use anyhow::{Context, Result};
 use glam::DVec3;
 use indicatif::{ProgressBar, ProgressStyle};
+use neubrdf::converge::{Stopwatch, Timing};
 use neubrdf::image::atomic_write;
 use neubrdf::train::measure::{FitErrors, compare};
 use neubrdf::train::{Evaluator, GroundTruth, Plan, Session};
@@ -46,12 +46,12 @@ pub struct Errors {
 pub fn train(truth: &Truth, plan: Plan) -> Result<(Session, Cost)> {
     let pairs = truth.pairs(plan.pairs, plan.seed);
     let mut session = Session::new(plan, &GroundTruth::Samples { pairs, is_isotropic: truth.is_isotropic })?;
-    let (started, cpu_started) = (Instant::now(), cpu_seconds()?);
+    let watch = Stopwatch::own();
     while !session.is_done() {
         session.step();
     }
-    let cost = Cost { seconds: started.elapsed().as_secs_f64(), cpu_seconds: cpu_seconds()? - cpu_started };
-    Ok((session, cost))
+    let Timing { seconds, cpu_seconds, .. } = watch.stop();
+    Ok((session, Cost { seconds, cpu_seconds }))
 }
 
 /// Measures a fit.
@@ -91,13 +91,4 @@ pub fn bar(length: usize) -> Result<ProgressBar> {
     bar.set_style(ProgressStyle::with_template("{bar:30} {pos}/{len}  {elapsed} + {eta}  {msg}")?);
     bar.enable_steady_tick(std::time::Duration::from_secs(1));
     Ok(bar)
-}
-
-/// User and system time of this process.
-fn cpu_seconds() -> Result<f64> {
-    // Fields 14 and 15 of proc(5), in the hundredths of seconds that Linux shows to user space.
-    let stat = std::fs::read_to_string("/proc/self/stat")?;
-    let fields: Vec<&str> = stat.rsplit(')').next().unwrap_or_default().split_whitespace().collect();
-    let ticks = |index: usize| -> Result<f64> { Ok(fields.get(index).context("/proc/self/stat is short")?.parse()?) };
-    Ok((ticks(11)? + ticks(12)?) / 100.0)
 }

@@ -3,5 +3,6 @@
 mod fit;
 mod truths;
 
+#[allow(unused_imports)] // a study need not name all
 pub use fit::{Cost, Errors, bar, errors, kept, key, train};
 pub use truths::{Truth, ours, published};

@@ -27,6 +27,7 @@ pub struct Truth {
     pub name: String,
     pub is_isotropic: bool,
     /// Made here, not published.
+    #[allow(dead_code)] // a study need not ask
     pub is_ours: bool,
     /// What training sees.
     learned: Eval,
