@@ -195,23 +195,23 @@ fn corner_weights(word: &str) -> Result<CornerWeights, String> {
     }
 }
 
-/// What a recipe does by itself.
+/// What a recipe does, in as many steps as are asked for.
 fn recipe_plan(arguments: &Arguments, input: &BrdfInput, recipe: Recipe) -> Plan {
-    let Arguments { model, quality, seed, .. } = *arguments;
-    let plan = Plan { seed, ..Plan::new(model, recipe, quality, input.brdf.is_isotropic()) };
+    let Arguments { model, quality, seed, steps, .. } = *arguments;
+    let plan = Plan::new(model, recipe, quality, input.brdf.is_isotropic());
+    let plan = Plan { seed, steps: steps.unwrap_or(plan.steps), ..plan };
     match input.sample_count() {
         Some(count) => plan.for_samples(count),
         None => plan,
     }
 }
 
-/// What is done: what the recipe does, but for the sizes that are given.
+/// What is done: the same, of the sizes that are asked for.
 fn plan(arguments: &Arguments, input: &BrdfInput) -> Plan {
     let plan = recipe_plan(arguments, input, arguments.recipe);
-    let Plan { steps, n_side, features, codes, hidden, pruned, corner_weights, .. } = plan;
+    let Plan { n_side, features, codes, hidden, pruned, corner_weights, .. } = plan;
     let hidden = arguments.hidden.unwrap_or(hidden);
     Plan {
-        steps: arguments.steps.unwrap_or(steps),
         n_side: arguments.n_side.map_or(n_side, |n_side| [n_side; 2]),
         features: arguments.features.unwrap_or(features),
         codes: arguments.codes.map_or(codes, |codes| [codes; 2]),

@@ -193,7 +193,26 @@ fn base64(bytes: &[u8]) -> String {
 
 #[cfg(test)]
 mod tests {
+    use super::super::measure::{BallErrors, PairErrors};
     use super::*;
+
+    #[test]
+    fn recipes_stand_side_by_side() {
+        let result = |recipe, ssim| RecipeResult {
+            recipe,
+            bytes: 1000,
+            seconds: 2.0,
+            errors: FitErrors {
+                pairs: PairErrors::default(),
+                ball: BallErrors { ssim, ..BallErrors::default() },
+                albedo: Vec::new(),
+                worst_albedo: 0.012,
+            },
+        };
+        let table = recipe_table(&[result(Recipe::Default, 0.75), result(Recipe::Paper, 0.5)]);
+        assert!(table.contains("<td>default</td><td>0.7500</td>") && table.contains("<td>paper</td><td>0.5000</td>"));
+        assert_eq!(table.matches("1.20 %").count(), 2);
+    }
 
     #[test]
     fn base64_is_that_of_the_rfc() {

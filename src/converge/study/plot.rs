@@ -364,6 +364,8 @@ mod tests {
         let svg = plot.svg();
         assert_eq!(svg.matches("a &lt; b").count(), 12);
         assert!(!svg.contains("NaN") && !svg.contains("inf"));
+        let file = plot.document();
+        assert_eq!(file.matches("a &lt; b</text>").count(), 12);
         // No two of the first ten methods look alike without colour.
         let looks: std::collections::BTreeSet<String> =
             (0..10).map(|style| key(style).replace(color(style), "colour")).collect();
