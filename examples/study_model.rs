@@ -37,6 +37,9 @@ struct Arguments {
     /// Where results and the plot are kept
     #[arg(long, default_value = "target/study")]
     folder: PathBuf,
+    /// Fit nothing: print and draw the models that were fitted to all materials
+    #[arg(long)]
+    print: bool,
 }
 
 /// What is varied, each with the plot's words for it.
@@ -150,10 +153,12 @@ fn main() -> Result<()> {
         let mut outcomes = Vec::new();
         for truth in &truths {
             bar.set_message(format!("{}: {}", sizes.name().replace(" |", ","), truth.name));
-            outcomes.push(outcome(&arguments, &device, truth, sizes)?);
+            outcomes.extend(outcome(&arguments, &device, truth, sizes)?);
             bar.inc(1);
         }
-        fitted.push(Fitted { axis, sizes, outcomes });
+        if outcomes.len() == truths.len() {
+            fitted.push(Fitted { axis, sizes, outcomes });
+        }
     }
     bar.finish_and_clear();
     let [half, full] = [0, 1].map(|precision| points(&fitted, precision));
@@ -182,11 +187,14 @@ fn truths(names: &[String]) -> Result<Vec<Truth>> {
     Ok(wanted)
 }
 
-/// What is known of a fit, or is found out now.
-fn outcome(arguments: &Arguments, device: &Arc<Device>, truth: &Truth, sizes: Sizes) -> Result<Outcome> {
+/// What is known of a fit, or is found out now, unless only what is known is wanted.
+fn outcome(arguments: &Arguments, device: &Arc<Device>, truth: &Truth, sizes: Sizes) -> Result<Option<Outcome>> {
     let plan = sizes.plan(arguments.quality, truth.is_isotropic);
     let path = arguments.folder.join(format!("{}-{}.json", truth.name, key(&plan)?));
-    kept(&path, || {
+    if arguments.print && !path.exists() {
+        return Ok(None);
+    }
+    let find_out = || -> Result<Outcome> {
         let (session, cost) = train(truth, plan)?;
         let Some(brdf) = session.neubrdf() else { bail!("{}: trained to something else", truth.name) };
         let mut files = Vec::new();
@@ -211,7 +219,8 @@ fn outcome(arguments: &Arguments, device: &Arc<Device>, truth: &Truth, sizes: Si
             cpu_seconds: cost.cpu_seconds,
             rates: [half_rate, full_rate],
         })
-    })
+    };
+    kept(&path, find_out).map(Some)
 }
 
 /// A model in a precision, over all materials.
