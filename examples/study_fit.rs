@@ -93,6 +93,9 @@ fn row(arguments: &Arguments, truth: &Truth) -> Result<Option<Row>> {
         true => outcome(arguments, truth, Model::Nbrdf, Recipe::Default)?,
         false => None,
     };
+    if truth.is_ours && baseline.is_none() {
+        return Ok(None);
+    }
     Ok(Some(Row { name: truth.name.clone(), fits, baseline }))
 }
 
@@ -121,6 +124,9 @@ fn outcome(arguments: &Arguments, truth: &Truth, model: Model, recipe: Recipe) -
 
 /// A column: its heading, its values, and whether they are better the greater they are.
 type Column = (&'static str, fn(&Outcome) -> f64, bool);
+
+/// Prints a row of this name, given what stands in each column.
+type Line<'a> = &'a dyn Fn(&str, &dyn Fn(&Column) -> f64);
 
 const COLUMNS: [Column; 8] = [
     ("mean \\|Δ ln(1+f)\\|", |o| o.errors.log, false),
@@ -169,7 +175,7 @@ fn print_table(rows: &[Row]) {
 }
 
 /// Mean and worst of some fits.
-fn summary(name: &str, fits: &[Outcome], line: &dyn Fn(&str, &dyn Fn(&Column) -> f64)) {
+fn summary(name: &str, fits: &[Outcome], line: Line) {
     if fits.is_empty() {
         return;
     }

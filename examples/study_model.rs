@@ -281,8 +281,17 @@ fn print_table(truths: &[Truth], models: &[Fitted], half: &[ModelPoint], full: &
 }
 
 fn plot_of(truths: &[Truth], models: &[ModelPoint], driver: &str) -> Plot {
+    let mut front: Vec<&ModelPoint> = models.iter().filter(|point| point.is_on_front).collect();
+    front.sort_by(|a, b| a.rate.total_cmp(&b.rate));
+    let front = front.windows(2).map(|ends| Series {
+        style: 6,
+        title: "Pareto front".to_owned(),
+        points: Vec::new(),
+        line: Some([[ends[0].rate, ends[0].error], [ends[1].rate, ends[1].error]]),
+        floor: None,
+    });
     let point = |of: &ModelPoint| Point { x: of.rate, y: of.error, interval: [of.error; 2] };
-    let mut series: Vec<Series> = AXES
+    let mut of_axes: Vec<Series> = AXES
         .iter()
         .enumerate()
         .map(|(style, (_, title))| {
@@ -290,21 +299,14 @@ fn plot_of(truths: &[Truth], models: &[ModelPoint], driver: &str) -> Plot {
             Series { style, title: (*title).to_owned(), points, line: None, floor: None }
         })
         .collect();
-    let mut front: Vec<&ModelPoint> = models.iter().filter(|point| point.is_on_front).collect();
-    front.sort_by(|a, b| a.rate.total_cmp(&b.rate));
-    series.extend(front.windows(2).map(|ends| Series {
-        style: 6,
-        title: "Pareto front".to_owned(),
-        points: Vec::new(),
-        line: Some([[ends[0].rate, ends[0].error], [ends[1].rate, ends[1].error]]),
-        floor: None,
-    }));
+    // The default is drawn over the others.
+    of_axes.rotate_left(1);
     let names: Vec<&str> = truths.iter().map(|truth| truth.name.as_str()).collect();
     Plot {
-        title: format!("NeuBRDFs of several sizes in f16, and their Pareto front: {}", names.join(", ")),
+        title: "NeuBRDFs of several sizes, in f16, and the Pareto front".to_owned(),
         x_label: format!("million evaluations a second, {driver}"),
-        y_label: "mean |Δ ln(1 + f)|".to_owned(),
-        series,
+        y_label: format!("mean |Δ ln(1 + f)|: {}", names.join(", ")),
+        series: front.chain(of_axes).collect(),
         reference_noise: 0.0,
     }
 }
