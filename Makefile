@@ -4,7 +4,7 @@ CARGO := cargo
 FEATURES := --features embree --locked
 OUT := target/demo
 
-.PHONY: demo test bench check study-fit install install-test install-demo
+.PHONY: demo test bench check study study-fit install install-test install-demo
 
 ## Renders the preview scene, in analytic and in neural materials, to target/demo/preview.png and neural.png (and .exr).
 demo: install-demo
@@ -39,11 +39,19 @@ bench: install-test
 	$(CARGO) bench $(FEATURES) --bench render -- $(SECTIONS)
 
 ## Fits every published network and our own surfaces, and prints the table of docs/training.md: about a minute a material on two
-## cores. It goes on where it was stopped. MATERIALS restricts it: names, `published`, `ours`; QUALITY is draft, default or best.
+## cores. It goes on where it was stopped. MATERIALS restricts it: names, `published`, `ours`; QUALITY is draft, default or best;
+## RECIPES are set side by side: default, paper, unquantised, with commas between.
 MATERIALS :=
 QUALITY := default
+RECIPES := default
 study-fit:
-	$(CARGO) run --release $(FEATURES) --example study_fit -- --quality $(QUALITY) $(MATERIALS)
+	$(CARGO) run --release $(FEATURES) --example study_fit -- --quality $(QUALITY) --recipe $(RECIPES) $(MATERIALS)
+
+## Fits a few materials with NeuBRDFs of several sizes, times each on the device, and prints and draws (target/study/study.svg) which
+## are worth their time. It goes on where it was stopped. STUDY_QUALITY is that of the fits; MATERIALS are names as above.
+STUDY_QUALITY := draft
+study: install-demo
+	$(CARGO) run --release $(FEATURES) --example study_model -- --quality $(STUDY_QUALITY) $(MATERIALS)
 
 ## Installs the program (with the Embree reference), the C library (without), its header, pkg-config file and CMake module.
 PREFIX := /usr/local

@@ -7,6 +7,7 @@ mod cold;
 mod cornell;
 #[cfg(feature = "embree")]
 mod error;
+mod evaluations;
 mod measure;
 mod memory;
 mod neubrdf;

@@ -3,25 +3,22 @@
 use std::path::Path;
 use std::process::Command;
 use std::sync::Arc;
-use std::time::Instant;
 
 use anyhow::{Context, Result};
-use neubrdf::gpu::{Buffer, Commands, Device, DeviceChoice, Instance, Kernel, Memory, Validation, spirv};
-use neubrdf::render::{NeuBrdfPush, NeuBrdfQuery, NeuBrdfShape, NeuBrdfValues, pack_neubrdf};
+use neubrdf::gpu::{Device, DeviceChoice, Instance, Validation};
 use neubrdf::scene::brdf::{CornerWeights, NeuBrdf, Precision};
 
-use crate::measure::{Spread, Stopwatch, cores};
-use crate::random_neubrdf::{Shape, Stream, random_neubrdf};
+use crate::evaluations::{EVALUATIONS, Evaluations, rate_by_own_time};
+use crate::measure::{Spread, Timing};
+use crate::random_neubrdf::{Shape, random_neubrdf};
 
-/// Pairs of evaluations of a run.
-const PAIRS: usize = 1 << 17;
 const ROUNDS: usize = 5;
 /// Floating-point operations of an evaluation by Mitsuba's count: its network's multiply-adds.
 const OPERATIONS: f64 = 2.0 * 10_432.0;
 
 pub fn run() -> Result<()> {
     let device = Instance::new(Validation::Off)?.open(&DeviceChoice::Auto)?;
-    println!("{}, {} evaluations; median (min–max) of {ROUNDS} runs\n", device.driver(), 2 * PAIRS);
+    println!("{}, {} evaluations; median (min–max) of {ROUNDS} runs\n", device.driver(), EVALUATIONS);
     println!("| model | first run, s | M/s | M/s by own CPU time | GFLOP/s by it |\n|---|---|---|---|---|");
     let full = Shape::FULL;
     let rows = [
@@ -39,43 +36,12 @@ pub fn run() -> Result<()> {
 }
 
 fn measure(device: &Arc<Device>, name: &str, brdf: &NeuBrdf, precision: Precision) -> Result<()> {
-    let shape = NeuBrdfShape::of([brdf], precision).on(device);
-    let mut random = Stream(3);
-    let mut direction = || random.direction().as_vec3().to_array();
-    let queries: Vec<NeuBrdfQuery> =
-        (0..PAIRS).map(|_| NeuBrdfQuery { wo: direction(), wi_1: direction(), wi_2: direction() }).collect();
-    let table = Buffer::with_data(device, "table", &pack_neubrdf(brdf, &shape))?;
-    let input = Buffer::with_data(device, "queries", &queries)?;
-    let output = Buffer::new(device, "values", (size_of::<NeuBrdfValues>() * PAIRS) as u64, Memory::Device)?;
-    let push = NeuBrdfPush {
-        table: table.address(),
-        queries: input.address(),
-        results: output.address(),
-        count: PAIRS as u32,
-        padding: 0,
-    };
-    let started = Instant::now();
-    let source = spirv::load("eval_neubrdf").context("no kernel eval_neubrdf")?;
-    let kernel = Kernel::new(device, source, &shape.specialization())?;
-    let run = || -> Result<()> {
-        let mut commands = Commands::begin(device)?;
-        commands.dispatch(&kernel, kernel.groups_for(push.count), &push);
-        device.submit(commands)?.wait()?;
-        Ok(())
-    };
-    run()?;
-    let first = started.elapsed().as_secs_f64();
-    let (mut wall, mut own) = (Vec::new(), Vec::new());
-    for _ in 0..ROUNDS {
-        let watch = Stopwatch::own();
-        run()?;
-        let timing = watch.stop();
-        let rate = |seconds: f64| 2e-6 * PAIRS as f64 / seconds;
-        wall.push(rate(timing.seconds));
-        own.push(rate(timing.cpu_seconds / cores() as f64));
-    }
-    let own = Spread::of(own);
-    println!("| {name} | {first:.2} | {:.2} | {own:.2} | {:.0} |", Spread::of(wall), own.median * OPERATIONS * 1e-3);
+    let evaluations = Evaluations::new(device, brdf, precision)?;
+    let timings: Vec<Timing> = (0..ROUNDS).map(|_| evaluations.run()).collect::<Result<_>>()?;
+    let wall = Spread::of(timings.iter().map(|timing| 1e-6 * EVALUATIONS as f64 / timing.seconds));
+    let own = Spread::of(timings.iter().map(rate_by_own_time));
+    let first = evaluations.first;
+    println!("| {name} | {first:.2} | {wall:.2} | {own:.2} | {:.0} |", own.median * OPERATIONS * 1e-3);
     Ok(())
 }
 

@@ -7,11 +7,12 @@ use std::sync::atomic::Ordering;
 use std::time::Instant;
 
 use anyhow::{Context, Result, bail};
+use clap::ValueEnum;
 use glam::DVec3;
 use neubrdf::image::atomic_write;
 use neubrdf::scene::brdf::{CornerWeights, NeuBrdf, Precision};
 use neubrdf::train::measure::{Comparison, FitErrors, compare};
-use neubrdf::train::{Evaluator, Model, Plan, Quality, Recipe, Report, Session};
+use neubrdf::train::{Evaluator, Model, Plan, Quality, Recipe, RecipeResult, Report, Session};
 use rayon::prelude::*;
 
 use super::brdf_input::BrdfInput;
@@ -68,6 +69,9 @@ pub struct Arguments {
     /// Go on from the --checkpoint file
     #[arg(long, requires = "checkpoint")]
     resume: bool,
+    /// Train by the other recipes as well, and let the report compare them
+    #[arg(long, conflicts_with = "no_report")]
+    compare_recipes: bool,
     /// Write no report
     #[arg(long)]
     no_report: bool,
@@ -102,6 +106,9 @@ pub fn run(arguments: Arguments) -> Result<ExitCode> {
     if arguments.model == Model::Nbrdf && !is_isotropic {
         bail!("{}: an NBRDF file describes isotropic materials, and this one is not", arguments.input.display());
     }
+    if arguments.model == Model::Nbrdf && arguments.compare_recipes {
+        bail!("--compare-recipes: NBRDFs are trained by one recipe");
+    }
     let plan = plan(&arguments, &input);
     let eval = |wo: DVec3, wi: DVec3| input.brdf.eval(wo, wi);
     let mut session = Session::new(plan, &input.ground_truth(&eval))?;
@@ -110,7 +117,7 @@ pub fn run(arguments: Arguments) -> Result<ExitCode> {
     }
 
     let started = Instant::now();
-    train(&arguments, &mut session)?;
+    train(&arguments, &mut session, arguments.checkpoint.as_deref())?;
     let seconds = started.elapsed().as_secs_f64();
 
     let precision = if arguments.f32 { Precision::F32 } else { Precision::F16 };
@@ -134,6 +141,20 @@ pub fn run(arguments: Arguments) -> Result<ExitCode> {
         }
     };
     write(&arguments.output, &bytes)?;
+    let mut recipes = Vec::new();
+    if arguments.compare_recipes {
+        let errors = comparison.errors.clone();
+        recipes.push(RecipeResult { recipe: arguments.recipe, bytes: bytes.len(), seconds, errors });
+        for recipe in Recipe::value_variants().iter().filter(|recipe| **recipe != arguments.recipe) {
+            let mut session = Session::new(recipe_plan(&arguments, &input, *recipe), &input.ground_truth(&eval))?;
+            let started = Instant::now();
+            train(&arguments, &mut session, None)?;
+            let seconds = started.elapsed().as_secs_f64();
+            let file = session.neubrdf().context("a recipe trains NeuBRDFs")?.encode(precision)?;
+            let errors = measure(&Evaluator::neubrdf(&NeuBrdf::decode(&file)?), BALL).errors;
+            recipes.push(RecipeResult { recipe: *recipe, bytes: file.len(), seconds, errors });
+        }
+    }
     let report = Report {
         source: input.name.clone(),
         plan: session.plan.clone(),
@@ -142,6 +163,7 @@ pub fn run(arguments: Arguments) -> Result<ExitCode> {
         seconds,
         bytes: bytes.len(),
         errors: comparison.errors.clone(),
+        recipes,
     };
     if !arguments.no_report {
         report.write_json(&arguments.output.with_extension("json"))?;
@@ -173,16 +195,23 @@ fn corner_weights(word: &str) -> Result<CornerWeights, String> {
     }
 }
 
-fn plan(arguments: &Arguments, input: &BrdfInput) -> Plan {
-    let Arguments { model, recipe, quality, seed, .. } = *arguments;
-    let mut plan = Plan { seed, ..Plan::new(model, recipe, quality, input.brdf.is_isotropic()) };
-    if let Some(count) = input.sample_count() {
-        plan = plan.for_samples(count);
+/// What a recipe does, in as many steps as are asked for.
+fn recipe_plan(arguments: &Arguments, input: &BrdfInput, recipe: Recipe) -> Plan {
+    let Arguments { model, quality, seed, steps, .. } = *arguments;
+    let plan = Plan::new(model, recipe, quality, input.brdf.is_isotropic());
+    let plan = Plan { seed, steps: steps.unwrap_or(plan.steps), ..plan };
+    match input.sample_count() {
+        Some(count) => plan.for_samples(count),
+        None => plan,
     }
-    let Plan { steps, n_side, features, codes, hidden, pruned, corner_weights, .. } = plan;
+}
+
+/// What is done: the same, of the sizes that are asked for.
+fn plan(arguments: &Arguments, input: &BrdfInput) -> Plan {
+    let plan = recipe_plan(arguments, input, arguments.recipe);
+    let Plan { n_side, features, codes, hidden, pruned, corner_weights, .. } = plan;
     let hidden = arguments.hidden.unwrap_or(hidden);
     Plan {
-        steps: arguments.steps.unwrap_or(steps),
         n_side: arguments.n_side.map_or(n_side, |n_side| [n_side; 2]),
         features: arguments.features.unwrap_or(features),
         codes: arguments.codes.map_or(codes, |codes| [codes; 2]),
@@ -198,7 +227,7 @@ fn truth(input: &BrdfInput, pairs: &[[DVec3; 2]]) -> Vec<DVec3> {
 }
 
 /// Trains under a bar, with checkpoints, until the end or Ctrl-C.
-fn train(arguments: &Arguments, session: &mut Session) -> Result<()> {
+fn train(arguments: &Arguments, session: &mut Session, checkpoint: Option<&Path>) -> Result<()> {
     let interrupted = progress::interrupt_flag()?;
     let bar = progress::bar(session.plan.steps.into(), arguments.quiet);
     let mut last_checkpoint = Instant::now();
@@ -215,7 +244,7 @@ fn train(arguments: &Arguments, session: &mut Session) -> Result<()> {
             continue;
         }
         let is_interrupted = interrupted.load(Ordering::SeqCst);
-        if let Some(path) = &arguments.checkpoint
+        if let Some(path) = checkpoint
             && (is_interrupted || last_checkpoint.elapsed().as_secs_f64() >= CHECKPOINT_INTERVAL)
         {
             session.save(path)?;

@@ -30,7 +30,7 @@ use std::path::PathBuf;
 pub use evaluator::Evaluator;
 pub use pairs::{GroundTruth, Pair};
 pub use plan::{Model, Plan, Quality, Recipe};
-pub use report::Report;
+pub use report::{RecipeResult, Report};
 pub use session::Session;
 
 /// Why a training cannot be done.

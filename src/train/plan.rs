@@ -24,6 +24,8 @@ pub enum Recipe {
     Default,
     /// The paper's, to the letter; the encoding of the loss, which it leaves open, is the default's.
     Paper,
+    /// The paper's sizes, trained as by default, with features of its own at each grid point: what no codebook can better.
+    Unquantised,
 }
 
 /// How long.
@@ -101,19 +103,13 @@ impl Plan {
             network_rate: 1e-2,
             table_rate: 3e-2,
         };
+        let papers_sizes = Plan { n_side: [64; 2], features: 16, corner_weights: CornerWeights::Uniform, ..plan };
         match recipe {
             Recipe::Default => plan,
-            Recipe::Paper => Plan {
-                n_side: [64; 2],
-                features: 16,
-                codes: [256; 2],
-                hidden: 128,
-                corner_weights: CornerWeights::Uniform,
-                steps: steps / 8,
-                batch: 2048,
-                table_rate: 1e-2,
-                ..plan
-            },
+            Recipe::Unquantised => papers_sizes,
+            Recipe::Paper => {
+                Plan { codes: [256; 2], hidden: 128, steps: steps / 8, batch: 2048, table_rate: 1e-2, ..papers_sizes }
+            }
         }
     }
 

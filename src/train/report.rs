@@ -9,7 +9,7 @@ use serde_json::json;
 
 use super::measure::{Comparison, Eval, FitErrors};
 use super::plot;
-use super::{Error, Plan};
+use super::{Error, Plan, Recipe};
 use crate::image::atomic_write;
 
 /// What a training came to.
@@ -28,6 +28,21 @@ pub struct Report {
     /// Size of the file.
     pub bytes: usize,
     /// How far the file's model is from the ground truth.
+    pub errors: FitErrors,
+    /// What each recipe came to, the file's first; empty if they were not compared.
+    pub recipes: Vec<RecipeResult>,
+}
+
+/// What a recipe came to.
+#[derive(Clone, Debug, Serialize)]
+pub struct RecipeResult {
+    /// Which.
+    pub recipe: Recipe,
+    /// Size of its file.
+    pub bytes: usize,
+    /// Seconds that training took, on the clock.
+    pub seconds: f64,
+    /// How far its file's model is from the ground truth.
     pub errors: FitErrors,
 }
 
@@ -73,7 +88,11 @@ impl Report {
         ] {
             let _ = writeln!(page, "<tr><th>{name}</th><td>{value}</td></tr>");
         }
-        page.push_str("</table>\n<h2>A ball under small lights</h2>\n<div class=row>");
+        page.push_str("</table>\n");
+        if !self.recipes.is_empty() {
+            page.push_str(&recipe_table(&self.recipes));
+        }
+        page.push_str("<h2>A ball under small lights</h2>\n<div class=row>");
         let [truth_ball, fit_ball] = [&comparison.truth, &comparison.fit];
         let size = fit_ball.size;
         let (a, b) = (fit_ball.srgb(), truth_ball.srgb());
@@ -109,6 +128,29 @@ impl Report {
         }
         Ok(page + "</table>\n")
     }
+}
+
+/// The recipes side by side.
+fn recipe_table(recipes: &[RecipeResult]) -> String {
+    let mut table = String::from(
+        "<h2>Recipes</h2>\n<table><tr><th>recipe</th><th>SSIM</th><th>ꟻLIP</th><th>PSNR</th><th>mean |Δ ln(1 + f)|</th><th>relative RMSE</th>\
+         <th>worst albedo</th><th>bytes</th><th>seconds</th></tr>\n",
+    );
+    for RecipeResult { recipe, bytes, seconds, errors } in recipes {
+        let FitErrors { pairs, ball, worst_albedo, .. } = errors;
+        let name = format!("{recipe:?}").to_lowercase();
+        let _ = writeln!(
+            table,
+            "<tr><td>{name}</td><td>{:.4}</td><td>{:.4}</td><td>{:.1} dB</td><td>{:.5}</td><td>{:.4}</td><td>{:.2} %</td><td>{bytes}</td><td>{seconds:.1}</td></tr>",
+            ball.ssim,
+            ball.flip,
+            ball.psnr,
+            pairs.log,
+            pairs.relative_rmse,
+            100.0 * worst_albedo
+        );
+    }
+    table + "</table>\n<p>unquantised: the paper's sizes, each grid point with features of its own.</p>\n"
 }
 
 const STYLE: &str = "<!doctype html><meta charset=utf-8>
@@ -151,7 +193,26 @@ fn base64(bytes: &[u8]) -> String {
 
 #[cfg(test)]
 mod tests {
+    use super::super::measure::{BallErrors, PairErrors};
     use super::*;
+
+    #[test]
+    fn recipes_stand_side_by_side() {
+        let result = |recipe, ssim| RecipeResult {
+            recipe,
+            bytes: 1000,
+            seconds: 2.0,
+            errors: FitErrors {
+                pairs: PairErrors::default(),
+                ball: BallErrors { ssim, ..BallErrors::default() },
+                albedo: Vec::new(),
+                worst_albedo: 0.012,
+            },
+        };
+        let table = recipe_table(&[result(Recipe::Default, 0.75), result(Recipe::Paper, 0.5)]);
+        assert!(table.contains("<td>default</td><td>0.7500</td>") && table.contains("<td>paper</td><td>0.5000</td>"));
+        assert_eq!(table.matches("1.20 %").count(), 2);
+    }
 
     #[test]
     fn base64_is_that_of_the_rfc() {

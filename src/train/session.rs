@@ -269,7 +269,7 @@ fn start(plan: &Plan, grids: [SphereGrid; 2], encoding: Encoding) -> (Network, V
                 let points = grids[side].point_count();
                 match plan.recipe {
                     Recipe::Paper => Table::softmax(points, features, codes[side], random),
-                    Recipe::Default => Table::free(points, features, random),
+                    Recipe::Default | Recipe::Unquantised => Table::free(points, features, random),
                 }
             });
             (network, tables.into(), Head::Encoded)
@@ -332,12 +332,11 @@ fn encoding(pairs: &[Pair]) -> Option<Encoding> {
     Some(Encoding { gain, scale: SCALE, max: (2.0 * brightest).max(1e-3) })
 }
 
-/// The encoded value of a pair, and its weight: bright ones count more, as they carry the energy; grazing ones less. In the
-/// paper's recipe all are equal.
+/// The encoded value of a pair, and its weight: grazing ones count less. In the paper's recipe all are equal.
 fn target(pair: &Pair, encoding: Encoding, recipe: Recipe) -> [f32; 4] {
     let [r, g, b] = pair.value.to_array().map(|value| (encoding.gain * value).ln_1p() / encoding.scale);
     let weight = match recipe {
-        Recipe::Default => (1.0 + (r + g + b) / 3.0).powi(2) * pair.wi.z.sqrt(),
+        Recipe::Default | Recipe::Unquantised => pair.wi.z.sqrt(),
         Recipe::Paper => 1.0,
     };
     [r, g, b, weight]

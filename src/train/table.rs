@@ -2,7 +2,7 @@
 
 use super::adam::Adam;
 use super::random::Random;
-use super::vector::{dot, nearest};
+use super::vector::{dot, highest, nearest};
 
 /// How a grid point comes by its features.
 #[derive(Clone, Debug, PartialEq)]
@@ -103,13 +103,15 @@ impl Table {
         let free = self.rows.clone();
         let row = |point: u32| &free[point as usize * features..][..features];
         self.codes = chosen[..codes].iter().flat_map(|i| row(used[*i as usize]).to_vec()).collect();
+        let points: Vec<f32> = used.iter().flat_map(|point| row(*point)).copied().collect();
         for _ in 0..K_MEANS_ROUNDS {
             let mut sums = vec![0.0; codes * features];
             let mut counts = vec![0.0f32; codes];
-            for point in &used {
-                let code = nearest(&self.codes, features, row(*point));
+            for (code, point) in nearest(&self.codes, features, &points).into_iter().zip(points.chunks_exact(features))
+            {
+                let code = code as usize;
                 counts[code] += 1.0;
-                sums[code * features..][..features].iter_mut().zip(row(*point)).for_each(|(sum, value)| *sum += value);
+                sums[code * features..][..features].iter_mut().zip(point).for_each(|(sum, value)| *sum += value);
             }
             for (code, count) in counts.iter().enumerate() {
                 let center = &mut self.codes[code * features..][..features];
@@ -148,9 +150,7 @@ impl Table {
                 return;
             }
             Quantiser::Nearest { free, .. } => {
-                for (index, free) in self.indices.iter_mut().zip(free.chunks_exact(self.features)) {
-                    *index = nearest(&self.codes, self.features, free) as u32;
-                }
+                self.indices = nearest(&self.codes, self.features, free);
             }
             Quantiser::Softmax { scores, .. } => {
                 let codes = self.codes.len() / self.features;
@@ -230,16 +230,6 @@ const ASSIGN_INTERVAL: u32 = 10;
 
 fn small(count: usize, random: &mut Random) -> Vec<f32> {
     (0..count).map(|_| 0.5 * (2.0 * random.next_f32() - 1.0)).collect()
-}
-
-fn highest(scores: &[f32]) -> usize {
-    let mut best = 0;
-    for (code, score) in scores.iter().enumerate() {
-        if *score > scores[best] {
-            best = code;
-        }
-    }
-    best
 }
 
 /// Adds the derivatives of strength · |free − code|² / 2 by `free`.

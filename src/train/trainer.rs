@@ -71,6 +71,9 @@ pub struct Rates {
     pub sparsity: f32,
 }
 
+/// How far above its target a fit counts in [`Loss::weight`]: the first steps are wild.
+const FARTHEST: f32 = 1.0;
+
 /// Rows of a shard.
 const SHARD: usize = 256;
 
@@ -255,19 +258,32 @@ fn loss(pool: &Pool, head: Head, loss: Loss, scale: f32, blocks: &[u32], shard: 
     for ((output, gradient), pair) in
         outputs.chunks_exact(width).zip(gradients.chunks_exact_mut(width)).zip(pairs_of(blocks))
     {
-        let target = pool.targets[pair];
+        let [red, green, blue, weight] = pool.targets[pair];
+        let target = [red, green, blue];
+        let encoded: [(f32, f32); 3] = std::array::from_fn(|channel| head.encode(output[channel]));
+        let mean = |values: [f32; 3]| values.iter().sum::<f32>() / 3.0;
+        let weight = weight * loss.weight(mean(encoded.map(|(value, _)| value)), mean(target));
         for channel in 0..3 {
-            let (encoded, slope) = head.encode(output[channel]);
-            let error = encoded - target[channel];
-            let (loss, derivative) = loss.of(error);
-            sum += f64::from(target[3] * loss);
-            gradient[channel] = scale * target[3] * derivative * slope;
+            let (value, slope) = encoded[channel];
+            let (loss, derivative) = loss.of(value - target[channel]);
+            sum += f64::from(weight * loss);
+            gradient[channel] = scale * weight * derivative * slope;
         }
     }
     shard.loss = sum;
 }
 
 impl Loss {
+    /// What a pair counts whose encoded value is fitted as `fit`: bright ones carry the energy. Were it the target that weighed, the
+    /// least loss would be above the mean wherever values vary that the fit cannot follow. As it is, each derivative is that of x̂
+    /// times (x̂ − x) times a function of x̂, so that it is at the mean still; the weight itself is not derived.
+    fn weight(self, fit: f32, target: f32) -> f32 {
+        match self {
+            Loss::Absolute => 1.0,
+            Loss::Divergence { .. } => (1.0 + fit.clamp(0.0, target + FARTHEST)).powi(2),
+        }
+    }
+
     /// The loss and its derivative by the fit, for a fit that is `error` above its target.
     fn of(self, error: f32) -> (f32, f32) {
         match self {
@@ -347,14 +363,17 @@ mod tests {
         }
     }
 
-    /// Of a value that is x or y by chance, the divergence makes the mean.
+    /// Of a value that is x or y by chance, the divergence makes the mean, weighted as it is.
     #[test]
     fn the_divergence_is_least_at_the_mean() {
         let scale = 2.0;
         let encode = |x: f32| x.ln() / scale;
         let (x, y) = (1.5f32, 2.2);
+        let loss = Loss::Divergence { scale };
         let slope = |fit: f32| -> f32 {
-            [x, y].iter().map(|target| Loss::Divergence { scale }.of(encode(fit) - encode(*target)).1).sum()
+            let fit = encode(fit);
+            let derivative = |target: f32| loss.weight(fit, target) * loss.of(fit - target).1;
+            [x, y].map(|x| derivative(encode(x))).iter().sum()
         };
         assert!(slope(0.5 * (x + y)).abs() < 1e-6 && slope(1.8) < 0.0 && slope(1.9) > 0.0);
     }

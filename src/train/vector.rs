@@ -1,18 +1,70 @@
 //! Short vectors of `f32`.
 
+use rayon::prelude::*;
+
+use super::product::{Left, multiply_add, padded};
+
 /// Σ aᵢbᵢ.
 pub fn dot(a: &[f32], b: &[f32]) -> f32 {
     a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
 
-/// The row of `rows` (count × features) that is nearest to `point`; the first of equals.
-pub fn nearest(rows: &[f32], features: usize, point: &[f32]) -> usize {
-    let mut best = (0, f32::INFINITY);
+/// For each of `points` (count × features) the row of `rows` that is nearest; the first of equals.
+///
+/// The nearest has the largest z·c − |c|²/2, and those are one matrix product.
+pub fn nearest(rows: &[f32], features: usize, points: &[f32]) -> Vec<u32> {
+    let count = rows.len() / features;
+    let columns = padded(count);
+    let mut transposed = vec![0.0; features * columns];
+    let mut offsets = vec![f32::NEG_INFINITY; columns];
     for (index, row) in rows.chunks_exact(features).enumerate() {
-        let distance: f32 = row.iter().zip(point).map(|(a, b)| (a - b) * (a - b)).sum();
-        if distance < best.1 {
-            best = (index, distance);
+        offsets[index] = -0.5 * dot(row, row);
+        row.iter().enumerate().for_each(|(feature, x)| transposed[feature * columns + index] = *x);
+    }
+    let mut result = vec![0; points.len() / features];
+    result.par_chunks_mut(TOGETHER).zip(points.par_chunks(TOGETHER * features)).for_each(|(result, points)| {
+        let mut products = offsets.repeat(result.len());
+        let left = Left { data: points, row_stride: features, inner_stride: 1 };
+        multiply_add(left, features, &transposed, columns, &mut products);
+        for (result, products) in result.iter_mut().zip(products.chunks_exact(columns)) {
+            *result = highest(products) as u32;
+        }
+    });
+    result
+}
+
+/// Points that go through a product together.
+const TOGETHER: usize = 64;
+
+/// The place of the largest number; the first of equals.
+pub fn highest(values: &[f32]) -> usize {
+    let mut best = 0;
+    for (index, value) in values.iter().enumerate() {
+        if *value > values[best] {
+            best = index;
         }
     }
-    best.0
+    best
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::random::Random;
+    use super::*;
+
+    #[test]
+    fn the_nearest_row_is_that_of_least_distance() {
+        let mut random = Random::new(9, 0);
+        let (features, count) = (5, 37);
+        let mut numbers = |count: usize| -> Vec<f32> { (0..count).map(|_| 2.0 * random.next_f32() - 1.0).collect() };
+        let (rows, points) = (numbers(count * features), numbers(150 * features));
+        let distance = |index: u32, point: &[f32]| -> f32 {
+            let row = &rows[index as usize * features..][..features];
+            row.iter().zip(point).map(|(a, b)| (a - b) * (a - b)).sum()
+        };
+        for (found, point) in nearest(&rows, features, &points).into_iter().zip(points.chunks_exact(features)) {
+            let least = (0..count as u32).map(|index| distance(index, point)).fold(f32::INFINITY, f32::min);
+            assert!(distance(found, point) <= least + 1e-5);
+        }
+    }
 }

@@ -6,7 +6,7 @@ use std::path::Path;
 use super::analysis::{Analysis, MethodResult, Rung, SceneResult, Target, ratio};
 use super::error::Error;
 use super::plan::Clock;
-use super::plot::{Plot, Point, Series, escaped, key, plain};
+use super::plot::{self, Plot, Point, Series, escaped, key, plain};
 use super::record::{MethodRecord, Record, SceneRecord};
 use super::run::{average, directory_of, picture_file, truth_file};
 use crate::converge::{CONFIDENCE, Estimate, difference_rgb8};
@@ -24,9 +24,10 @@ pub fn page(record: &Record, analysis: &Analysis, directory: &Path) -> Result<St
     let names: Vec<&str> = record.scenes.iter().map(|scene| scene.name.as_str()).collect();
     let mut html = format!(
         "<!doctype html>\n<html lang=\"en\"><head><meta charset=\"utf-8\">\
-         <meta name=\"viewport\" content=\"width=device-width\"><title>Convergence: {}</title><style>{STYLE}</style></head><body>\n\
+         <meta name=\"viewport\" content=\"width=device-width\"><title>Convergence: {}</title><style>{STYLE}{}</style></head><body>\n\
          <h1>Speed against error: {}</h1>\n",
         escaped(&names.join(", ")),
+        plot::STYLE,
         escaped(&names.join(", "))
     );
     html.push_str(&header(record, analysis));
@@ -452,8 +453,6 @@ table{border-collapse:collapse;margin:8px 0;font-size:13px;width:100%}th,td{text
 th{font-weight:600;border-bottom:1px solid #999}td small{color:#666;white-space:nowrap}.key{vertical-align:middle}\
 .bad{color:#b00020}.good{color:#111}\
 .plots{display:grid;grid-template-columns:1fr 1fr;gap:10px}.plots svg{width:100%;height:auto}\
-svg text{font:11px system-ui,sans-serif;fill:#222}svg .title{font-weight:600;font-size:12.5px}svg .tick{fill:#444}\
-svg .minor{stroke:#eee;fill:none}svg .major{stroke:#d4d4d4;fill:none}svg .frame{stroke:#666;fill:none}svg .shade{fill:#000;opacity:.06}\
 .pair{display:flex;gap:4px}.pictures{display:flex;flex-wrap:wrap;gap:10px;margin-top:10px}figure{margin:0;width:172px}figure img{width:172px;image-rendering:pixelated;display:block}\
 figcaption{font-size:12px;color:#333}summary{cursor:pointer;margin-top:10px;font-weight:600}\
 @media print{body{margin:0;max-width:none}section,figure,svg{break-inside:avoid}}\

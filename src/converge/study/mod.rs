@@ -14,7 +14,7 @@ mod ground_truth;
 mod html;
 mod method;
 mod plan;
-mod plot;
+pub mod plot;
 mod record;
 mod report;
 mod run;

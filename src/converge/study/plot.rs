@@ -49,6 +49,13 @@ const RIGHT: f64 = 14.0;
 const TOP: f64 = 28.0;
 const BOTTOM: f64 = 46.0;
 const MARKER: f64 = 4.5;
+/// From one line of a legend to the next.
+const LINE: f64 = 17.0;
+
+/// How the parts of a plot look, as CSS.
+pub const STYLE: &str = "\
+svg text{font:11px system-ui,sans-serif;fill:#222}svg .title{font-weight:600;font-size:12.5px}svg .tick{fill:#444}\
+svg .minor{stroke:#eee;fill:none}svg .major{stroke:#d4d4d4;fill:none}svg .frame{stroke:#666;fill:none}svg .shade{fill:#000;opacity:.06}";
 
 const COLORS: [&str; 7] = ["#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000"];
 const DASHES: [&str; 6] = ["", "7 3", "2 3", "9 3 2 3", "12 4", "2 2 6 2"];
@@ -107,8 +114,41 @@ impl Axis {
 }
 
 impl Plot {
-    /// The plot as an SVG element.
+    /// The plot as an SVG element, to stand in a page that has [`STYLE`].
     pub fn svg(&self) -> String {
+        let title = escaped(&self.title);
+        format!(
+            "<svg viewBox=\"0 0 {WIDTH} {HEIGHT}\" role=\"img\" aria-label=\"{title}\"><title>{title}</title>{}</svg>",
+            self.inside()
+        )
+    }
+
+    /// The plot as a file of its own, with a legend of all series that have points.
+    pub fn document(&self) -> String {
+        let named: Vec<&Series> = self.series.iter().filter(|series| !series.points.is_empty()).collect();
+        let height = HEIGHT + LINE * named.len().div_ceil(2) as f64 + 6.0;
+        let mut svg = format!(
+            "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {WIDTH} {height}\" width=\"{}\">\n<style>{STYLE}</style>\n\
+             <rect width=\"{WIDTH}\" height=\"{height}\" fill=\"#fff\"/>\n{}\n",
+            1.5 * WIDTH,
+            self.inside()
+        );
+        for (place, series) in named.into_iter().enumerate() {
+            let x = LEFT + (WIDTH - LEFT) / 2.0 * (place % 2) as f64;
+            let y = HEIGHT + LINE * (place / 2) as f64;
+            let _ = writeln!(
+                svg,
+                "{}<text x=\"{:.1}\" y=\"{:.1}\">{}</text>",
+                marker(series.style, x, y),
+                x + 12.0,
+                y + 4.0,
+                escaped(&series.title)
+            );
+        }
+        svg + "</svg>\n"
+    }
+
+    fn inside(&self) -> String {
         let points = || self.series.iter().flat_map(|series| &series.points).filter(|point| point.y > 0.0);
         let x = Axis::new(points().map(|point| point.x), LEFT, WIDTH - RIGHT);
         // Bars may reach down to nothing; the axis need not.
@@ -118,11 +158,7 @@ impl Plot {
         let values: Vec<f64> = points().flat_map(ends).chain(floors()).collect();
         let y = Axis::new(values.iter().copied(), HEIGHT - BOTTOM, TOP);
 
-        let mut svg = format!(
-            "<svg viewBox=\"0 0 {WIDTH} {HEIGHT}\" role=\"img\" aria-label=\"{}\"><title>{}</title>",
-            escaped(&self.title),
-            escaped(&self.title)
-        );
+        let mut svg = String::new();
         let _ = write!(svg, "<text class=\"title\" x=\"{LEFT}\" y=\"16\">{}</text>", escaped(&self.title));
         self.draw_axes(&mut svg, &x, &y);
         // Where what is measured is mostly the reference's own noise.
@@ -141,7 +177,7 @@ impl Plot {
         for series in &self.series {
             draw(&mut svg, series, &x, &y);
         }
-        svg + "</svg>"
+        svg
     }
 
     fn draw_axes(&self, svg: &mut String, x: &Axis, y: &Axis) {
@@ -328,6 +364,8 @@ mod tests {
         let svg = plot.svg();
         assert_eq!(svg.matches("a &lt; b").count(), 12);
         assert!(!svg.contains("NaN") && !svg.contains("inf"));
+        let file = plot.document();
+        assert_eq!(file.matches("a &lt; b</text>").count(), 12);
         // No two of the first ten methods look alike without colour.
         let looks: std::collections::BTreeSet<String> =
             (0..10).map(|style| key(style).replace(color(style), "colour")).collect();

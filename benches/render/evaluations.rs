@@ -1,0 +1,76 @@
+//! A NeuBRDF on the device, evaluated at many pairs of directions: what the bench and the study of models time.
+
+use std::sync::Arc;
+use std::time::Instant;
+
+use anyhow::{Context, Result};
+use glam::DVec3;
+use neubrdf::converge::{Stopwatch, Timing, cores};
+use neubrdf::gpu::{Buffer, Commands, Device, Kernel, Memory, spirv};
+use neubrdf::render::{NeuBrdfPush, NeuBrdfQuery, NeuBrdfShape, NeuBrdfValues, pack_neubrdf};
+use neubrdf::scene::brdf::{NeuBrdf, Precision};
+
+/// Pairs of evaluations of a run.
+const PAIRS: usize = 1 << 17;
+
+/// Evaluations of a run.
+pub const EVALUATIONS: usize = 2 * PAIRS;
+
+pub struct Evaluations {
+    device: Arc<Device>,
+    kernel: Kernel,
+    push: NeuBrdfPush,
+    /// What the push constants point to.
+    _buffers: [Buffer; 3],
+    /// Seconds that building the kernel and a first run took.
+    #[allow(dead_code)] // the study asks for rates alone
+    pub first: f64,
+}
+
+impl Evaluations {
+    pub fn new(device: &Arc<Device>, brdf: &NeuBrdf, precision: Precision) -> Result<Evaluations> {
+        let shape = NeuBrdfShape::of([brdf], precision).on(device);
+        // A Kronecker sequence of the plastic number's kin, three directions a query.
+        let direction = |i: usize| {
+            let at = |step: f64| (0.5 + step * i as f64).fract();
+            let (z, azimuth) = (at(0.754_877_666_246_693), std::f64::consts::TAU * at(0.569_840_290_998_053));
+            let rho = (1.0 - z * z).sqrt();
+            DVec3::new(rho * azimuth.cos(), rho * azimuth.sin(), z).as_vec3().to_array()
+        };
+        let query =
+            |i: usize| NeuBrdfQuery { wo: direction(3 * i), wi_1: direction(3 * i + 1), wi_2: direction(3 * i + 2) };
+        let queries: Vec<NeuBrdfQuery> = (0..PAIRS).map(query).collect();
+        let table = Buffer::with_data(device, "table", &pack_neubrdf(brdf, &shape))?;
+        let input = Buffer::with_data(device, "queries", &queries)?;
+        let output = Buffer::new(device, "values", (size_of::<NeuBrdfValues>() * PAIRS) as u64, Memory::Device)?;
+        let push = NeuBrdfPush {
+            table: table.address(),
+            queries: input.address(),
+            results: output.address(),
+            count: PAIRS as u32,
+            padding: 0,
+        };
+        let started = Instant::now();
+        let source = spirv::load("eval_neubrdf").context("no kernel eval_neubrdf")?;
+        let kernel = Kernel::new(device, source, &shape.specialization())?;
+        let _buffers = [table, input, output];
+        let mut evaluations = Evaluations { device: device.clone(), kernel, push, _buffers, first: 0.0 };
+        evaluations.run()?;
+        evaluations.first = started.elapsed().as_secs_f64();
+        Ok(evaluations)
+    }
+
+    /// Evaluates all.
+    pub fn run(&self) -> Result<Timing> {
+        let watch = Stopwatch::own();
+        let mut commands = Commands::begin(&self.device)?;
+        commands.dispatch(&self.kernel, self.kernel.groups_for(self.push.count), &self.push);
+        self.device.submit(commands)?.wait()?;
+        Ok(watch.stop())
+    }
+}
+
+/// Million evaluations a second by the process's own CPU time, as if it had all cores for itself.
+pub fn rate_by_own_time(timing: &Timing) -> f64 {
+    1e-6 * EVALUATIONS as f64 * cores() as f64 / timing.cpu_seconds
+}

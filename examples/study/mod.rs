@@ -1,0 +1,8 @@
+//! What the studies of training share: ground truths, and fits that are not done twice.
+
+mod fit;
+mod truths;
+
+#[allow(unused_imports)] // a study need not name all
+pub use fit::{Cost, Errors, bar, errors, kept, key, train};
+pub use truths::{Truth, ours, published};
