@@ -18,9 +18,12 @@ demo: install-demo
 test: install-test
 	$(CARGO) test $(FEATURES)
 
-## The tests of the plugin that take long: 10,000 frames with changes, and 1,000 renderers made and dropped.
+## The tests of the plugin that take long: 10,000 frames with changes, and 1,000 renderers made and dropped; under the validation
+## layer, and without it, as its own books grow.
 soak: install-test
-	NEUBRDF_FRAMES=10000 NEUBRDF_ROUNDS=1000 $(CARGO) test $(FEATURES) --test plugin -- --nocapture soak rounds
+	NEUBRDF_FRAMES=10000 NEUBRDF_ROUNDS=1000 $(CARGO) test $(FEATURES) --test plugin -- --nocapture --test-threads 1 soak rounds
+	NEUBRDF_NO_VALIDATION=1 NEUBRDF_FRAMES=10000 NEUBRDF_ROUNDS=1000 \
+		$(CARGO) test $(FEATURES) --test plugin -- --nocapture --test-threads 1 soak rounds
 
 ## Formatting, lints, documentation and SPIR-V, as CI holds them.
 check: install-test

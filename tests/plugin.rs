@@ -612,7 +612,8 @@ fn mistakes_are_errors_and_change_nothing() {
 fn a_scene_with_a_flaw_is_refused() {
     in_lavapipe_hosts(|host| {
         let device = host.lend();
-        let flaws: [(&str, fn(&mut Scene)); 6] = [
+        type Spoil = fn(&mut Scene);
+        let flaws: [(&str, Spoil); 6] = [
             ("material", |scene| scene.meshes[0].materials = vec![9]),
             ("vertex", |scene| scene.meshes[0].triangles[0][1] = 99),
             ("normals", |scene| scene.meshes[1].normals.truncate(3)),
