@@ -4,7 +4,7 @@ CARGO := cargo
 FEATURES := --features embree --locked
 OUT := target/demo
 
-.PHONY: demo test bench check study study-fit install install-test install-demo
+.PHONY: demo test soak bench check study study-fit install install-test install-demo
 
 ## Renders the preview scene, in analytic and in neural materials, to target/demo/preview.png and neural.png (and .exr).
 demo: install-demo
@@ -17,6 +17,13 @@ demo: install-demo
 ## Runs every test: two Vulkan drivers, the validation layers, and the Embree reference.
 test: install-test
 	$(CARGO) test $(FEATURES)
+
+## The tests of the plugin that take long: 10,000 frames with changes, and 1,000 renderers made and dropped; under the validation
+## layer, and without it, as its own books grow.
+soak: install-test
+	NEUBRDF_FRAMES=10000 NEUBRDF_ROUNDS=1000 $(CARGO) test $(FEATURES) --test plugin -- --nocapture --test-threads 1 soak rounds
+	NEUBRDF_NO_VALIDATION=1 NEUBRDF_FRAMES=10000 NEUBRDF_ROUNDS=1000 \
+		$(CARGO) test $(FEATURES) --test plugin -- --nocapture --test-threads 1 soak rounds
 
 ## Formatting, lints, documentation and SPIR-V, as CI holds them.
 check: install-test

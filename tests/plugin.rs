@@ -11,7 +11,7 @@ use std::sync::Arc;
 use ash::vk;
 use glam::{Affine3A, Quat, Vec3};
 use host::{Host, HostMemory, Recording, in_every_host, in_lavapipe_hosts};
-use neubrdf::gpu::{self, Device, HostImage};
+use neubrdf::gpu::{self, Commands, Device, HostBuffer, HostImage};
 use neubrdf::image::{Samples, plane, tone_map};
 use neubrdf::plugin::{Change, Channel, Error, Frame, Options, PixelFormat, Renderer, Status, Target};
 use neubrdf::render::{self, Features, Sampler, Settings, Traversal};
@@ -156,6 +156,45 @@ fn two_renderers_share_a_command_buffer() {
             assert!(bits(&buffer.read()) == expected(host, scene, 2));
             assert_eq!(renderer.complete(1).unwrap().error, None, "nobody asked");
             host.free_buffer(buffer);
+        }
+    });
+}
+
+#[test]
+fn renderers_on_several_threads_share_a_device() {
+    in_lavapipe_hosts(|host| {
+        let device = host.lend();
+        let scenes = [scene(), common::still_life(common::diffuse(0.3))];
+        // A command pool is for one thread at a time: each has its own.
+        let places = [0; 2].map(|_| (host.pool(), host.buffer(40 * 30 * 16)));
+        let recordings = places.each_ref().map(|(pool, _)| host.begin_in(*pool));
+        let renderers: Vec<Renderer> = std::thread::scope(|threads| {
+            let record = |(scene, (recording, target)): (&Scene, (&Recording, HostBuffer))| {
+                let (scene, commands, device) = (scene.clone(), recording.commands, &device);
+                threads.spawn(move || {
+                    let mut renderer = renderer(host, device, scene);
+                    // SAFETY: the command buffer is being recorded, by this thread alone.
+                    let mut commands = unsafe { Commands::wrap(device, commands) };
+                    let targets = [Target::buffer(target, PixelFormat::Rgba32Float)];
+                    renderer.record(&mut commands, &Frame::new(2, &targets)).unwrap();
+                    commands.finish().unwrap();
+                    renderer
+                })
+            };
+            let targets = places.iter().map(|(_, buffer)| buffer.target());
+            let threads: Vec<_> = scenes.iter().zip(recordings.iter().zip(targets)).map(record).collect();
+            threads.into_iter().map(|thread| thread.join().unwrap()).collect()
+        });
+        for recording in &recordings {
+            host.to_host(recording);
+            host.submit(recording);
+        }
+        recordings.into_iter().for_each(|recording| host.wait(recording));
+        drop(renderers);
+        for (scene, (pool, buffer)) in scenes.iter().zip(places) {
+            assert!(bits(&buffer.read()) == expected(host, scene, 2));
+            host.free_buffer(buffer);
+            host.free_pool(pool);
         }
     });
 }
@@ -573,10 +612,11 @@ fn mistakes_are_errors_and_change_nothing() {
 fn a_scene_with_a_flaw_is_refused() {
     in_lavapipe_hosts(|host| {
         let device = host.lend();
-        let flaws: [(&str, fn(&mut Scene)); 6] = [
+        type Spoil = fn(&mut Scene);
+        let flaws: [(&str, Spoil); 6] = [
             ("material", |scene| scene.meshes[0].materials = vec![9]),
             ("vertex", |scene| scene.meshes[0].triangles[0][1] = 99),
-            ("normals", |scene| drop(scene.meshes[1].normals.pop())),
+            ("normals", |scene| scene.meshes[1].normals.truncate(3)),
             ("position", |scene| scene.meshes[0].positions[0].x = f32::NAN),
             ("mesh of instance", |scene| scene.instances[0].mesh = 7),
             ("film", |scene| scene.film.width = 0),
@@ -709,6 +749,9 @@ fn a_soak_of_frames_with_changes_ends_with_the_right_picture() {
             taken += 1;
             if index == frames / 10 {
                 before = resident();
+            }
+            if index % 1000 == 999 {
+                eprintln!("{} frames, {} MiB", index + 1, resident() / (1 << 20));
             }
         }
         let mut last = None;

@@ -119,7 +119,7 @@ impl Tlas {
             .map_err(device.error("vkCreateDescriptorPool"))?;
         // From here on Drop gives the pool back.
         let meshes = instances.iter().map(|instance| instance.blas.clone()).collect();
-        let mut tlas = Tlas { set: vk::DescriptorSet::null(), pool, structure, rebuild, meshes: meshes };
+        let mut tlas = Tlas { set: vk::DescriptorSet::null(), pool, structure, rebuild, meshes };
         let layouts = [device.set_layout];
         let info = vk::DescriptorSetAllocateInfo::default().descriptor_pool(pool).set_layouts(&layouts);
         // SAFETY: the pool is new and has room for the set.

@@ -121,7 +121,7 @@ impl Renderer {
         })
     }
 
-    /// The scene as it is now.
+    /// The scene as it is now. A sky or a sun that the kernels were built for and that is gone is there as a black one.
     pub fn scene(&self) -> &Scene {
         &self.scene
     }

@@ -171,7 +171,7 @@ impl Scene {
         match &material.surface {
             Surface::Diffuse { .. } => Ok(()),
             Surface::Conductor { fresnel, alpha } => {
-                check_fresnel(fresnel, &part)?;
+                check_fresnel(fresnel, part)?;
                 ensure(alpha_is_fine(alpha.x) && alpha_is_fine(alpha.y), || part("α"), alpha, "in [0, 1]")
             }
             Surface::Dielectric { ior, alpha } => {
@@ -187,8 +187,8 @@ impl Scene {
             Surface::Woven(Woven { warp, weft }) => {
                 let coverage = warp.coverage + weft.coverage;
                 ensure(coverage <= 1.0, || part("sum of the coverages"), coverage, "at most 1")?;
-                check_yarn(warp, &part)?;
-                check_yarn(weft, &part)
+                check_yarn(warp, part)?;
+                check_yarn(weft, part)
             }
         }
     }

@@ -31,6 +31,7 @@ pub struct Host {
 /// A command buffer with the fence that tells when it is done.
 pub struct Recording {
     pub commands: vk::CommandBuffer,
+    pool: vk::CommandPool,
     fence: vk::Fence,
 }
 
@@ -126,11 +127,13 @@ impl Host {
             let application = vk::ApplicationInfo::default().api_version(vk::API_VERSION_1_2);
             let layers = [VALIDATION.as_ptr()];
             let extensions = [ext::debug_utils::NAME.as_ptr(), ext::validation_features::NAME.as_ptr()];
-            let info = vk::InstanceCreateInfo::default()
+            let mut info = vk::InstanceCreateInfo::default()
                 .application_info(&application)
-                .enabled_layer_names(&layers)
-                .enabled_extension_names(&extensions)
-                .push_next(&mut features);
+                .enabled_extension_names(&extensions[..1]);
+            // The layer keeps books of its own, which grow: long runs that look at memory do without.
+            if std::env::var_os("NEUBRDF_NO_VALIDATION").is_none() {
+                info = info.enabled_layer_names(&layers).enabled_extension_names(&extensions).push_next(&mut features);
+            }
             let instance = entry.create_instance(&info, None).unwrap();
             let debug = ext::debug_utils::Instance::new(&entry, &instance);
             let messenger = debug.create_debug_utils_messenger(&messenger_info, None).unwrap();
@@ -216,14 +219,30 @@ impl Host {
 
     /// Begins a command buffer.
     pub fn begin(&self) -> Recording {
-        let info = vk::CommandBufferAllocateInfo::default().command_pool(self.pool).command_buffer_count(1);
+        self.begin_in(self.pool)
+    }
+
+    /// A pool for another thread's command buffers.
+    pub fn pool(&self) -> vk::CommandPool {
+        // SAFETY: the device is alive.
+        unsafe { self.device.create_command_pool(&vk::CommandPoolCreateInfo::default(), None).unwrap() }
+    }
+
+    pub fn free_pool(&self, pool: vk::CommandPool) {
+        // SAFETY: its command buffers are done.
+        unsafe { self.device.destroy_command_pool(pool, None) };
+    }
+
+    /// Begins a command buffer of that pool.
+    pub fn begin_in(&self, pool: vk::CommandPool) -> Recording {
+        let info = vk::CommandBufferAllocateInfo::default().command_pool(pool).command_buffer_count(1);
         // SAFETY: pool and device are alive.
         unsafe {
             let commands = self.device.allocate_command_buffers(&info).unwrap()[0];
             let info = vk::CommandBufferBeginInfo::default().flags(vk::CommandBufferUsageFlags::ONE_TIME_SUBMIT);
             self.device.begin_command_buffer(commands, &info).unwrap();
             let fence = self.device.create_fence(&vk::FenceCreateInfo::default(), None).unwrap();
-            Recording { commands, fence }
+            Recording { commands, pool, fence }
         }
     }
 
@@ -259,7 +278,7 @@ impl Host {
         // SAFETY: as the caller says.
         unsafe {
             self.device.destroy_fence(recording.fence, None);
-            self.device.free_command_buffers(self.pool, &[recording.commands]);
+            self.device.free_command_buffers(recording.pool, &[recording.commands]);
         }
     }
 

@@ -1,0 +1,119 @@
+//! `examples/window.rs` on an X server without a screen: what it presents is the picture, and the validation layer is silent.
+
+mod common;
+
+use std::io::{BufRead, BufReader};
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Stdio};
+
+use common::{LAVAPIPE, driver};
+use neubrdf::image::{plane, tone_map};
+use neubrdf::render::{Options, Renderer, Settings};
+use neubrdf::scene::{Film, Scene};
+
+/// An X server of our own.
+struct Screen {
+    server: Child,
+    display: String,
+}
+
+impl Screen {
+    /// None where there is no Xvfb, unless drivers are required.
+    fn new() -> Option<Screen> {
+        let server = Command::new("Xvfb")
+            .args(["-displayfd", "1", "-screen", "0", "800x600x24", "-nolisten", "tcp"])
+            .stdout(Stdio::piped())
+            .stderr(Stdio::null())
+            .spawn();
+        let mut server = match server {
+            Ok(server) => server,
+            Err(error) if std::env::var_os("NEUBRDF_REQUIRE_DRIVERS").is_some() => {
+                panic!("Xvfb is required here: {error}")
+            }
+            Err(error) => {
+                eprintln!("skipped: Xvfb: {error}");
+                return None;
+            }
+        };
+        // It writes the number of its display when it is ready.
+        let mut number = String::new();
+        BufReader::new(server.stdout.take().unwrap()).read_line(&mut number).unwrap();
+        Some(Screen { server, display: format!(":{}", number.trim()) })
+    }
+}
+
+impl Drop for Screen {
+    fn drop(&mut self) {
+        let _ = self.server.kill();
+        let _ = self.server.wait();
+    }
+}
+
+/// The example, which `cargo test` has built beside the tests; by itself, if only this test was asked for.
+fn example() -> PathBuf {
+    let tests = std::env::current_exe().unwrap();
+    let path = tests.ancestors().nth(2).unwrap().join("examples/window");
+    if !path.exists() {
+        let mut cargo = Command::new(env!("CARGO"));
+        let built =
+            cargo.args(["build", "--locked", "--example", "window"]).current_dir(env!("CARGO_MANIFEST_DIR")).status();
+        assert!(built.unwrap().success());
+    }
+    path
+}
+
+/// The Cornell box, small.
+fn scene(folder: &Path, [width, height]: [u32; 2]) -> PathBuf {
+    let box_file = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/cornell/cornell.obj");
+    let text = format!(
+        "[camera]\neye = [0, 0, 3.9]\ntarget = [0, 0, 0]\nfov = 39.3077\n\
+         [film]\nwidth = {width}\nheight = {height}\n[[mesh]]\nfile = {box_file:?}\n"
+    );
+    let file = folder.join("scene.toml");
+    std::fs::write(&file, text).unwrap();
+    file
+}
+
+#[test]
+fn the_window_shows_the_picture() {
+    let Some(driver) = driver(LAVAPIPE) else { return };
+    let Some(screen) = Screen::new() else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let (file, screenshot) = (scene(folder.path(), [160, 120]), folder.path().join("screenshot.png"));
+    let log = folder.path().join("validation.txt");
+    let settings = format!(
+        "khronos_validation.debug_action = VK_DBG_LAYER_ACTION_LOG_MSG\nkhronos_validation.report_flags = error,warn\n\
+         khronos_validation.enables = VK_VALIDATION_FEATURE_ENABLE_SYNCHRONIZATION_VALIDATION_EXT\n\
+         khronos_validation.log_filename = {}\n",
+        log.display()
+    );
+    std::fs::write(folder.path().join("vk_layer_settings.txt"), settings).unwrap();
+    let output = Command::new(example())
+        .arg(&file)
+        .args(["--frames", "8", "--screenshot"])
+        .arg(&screenshot)
+        .env("DISPLAY", &screen.display)
+        .env_remove("WAYLAND_DISPLAY")
+        .env("VK_LOADER_DRIVERS_SELECT", "lvp*")
+        .env("VK_INSTANCE_LAYERS", "VK_LAYER_KHRONOS_validation")
+        .env("VK_LAYER_SETTINGS_PATH", folder.path())
+        .output()
+        .unwrap();
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    // The layer made the file when it was loaded.
+    assert_eq!(std::fs::read_to_string(&log).unwrap(), "");
+
+    let shown = image::open(&screenshot).unwrap().into_rgb8();
+    let [width, height] = [shown.width(), shown.height()];
+    let (scene, _) = Scene::load(&file).unwrap();
+    let scene = Scene { film: Film { width, height }, ..scene };
+    let settings = Settings { features: false, ..Settings::default() };
+    let mut renderer = Renderer::new(&driver.device, &scene, &settings, &Options::default()).unwrap();
+    renderer.render_pass(8).unwrap();
+    let beauty = renderer.picture().unwrap().0.rgb(plane::BEAUTY).unwrap();
+    let expected = tone_map::to_srgb8(&beauty, 0.0);
+    assert!(shown.as_raw().iter().any(|byte| *byte > 100), "black");
+    assert!(shown.as_raw().iter().zip(&expected).all(|(shown, expected)| shown.abs_diff(*expected) <= 1));
+    drop(renderer);
+    driver.finish();
+}
