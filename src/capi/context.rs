@@ -114,7 +114,7 @@ pub unsafe extern "C" fn neubrdf_requirements_merge(
         requirements.additions = Additions::default();
         requirements.inner.ray_query &= wants_ray_query != 0;
         // SAFETY: the additions live as long as the requirements do, which the caller keeps until the device is made.
-        *info = unsafe { requirements.inner.merge(*info, &mut *(&raw mut requirements.additions)) };
+        *info = unsafe { requirements.inner.merge(*info, &mut requirements.additions) };
         Ok(())
     })
 }

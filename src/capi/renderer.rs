@@ -297,8 +297,8 @@ impl NeubrdfTarget {
                     (before, after) => image.with_layouts(before, after),
                 })
             }
-            // SAFETY: as the caller says.
             (false, true) => {
+                // SAFETY: as the caller says.
                 Place::Buffer(unsafe { HostBuffer::new(self.buffer, self.buffer_offset, self.buffer_bytes) })
             }
             _ => return Err(Failure::argument("a NeubrdfTarget has an image or a buffer, one of the two")),

@@ -24,7 +24,7 @@ const DECORATION_SPEC_ID: u32 = 1;
 /// bools and numbers of 32 bits.
 ///
 /// # Errors
-/// It computes with constants what [`evaluate`] does not know.
+/// It computes with constants what `evaluate` does not know.
 pub fn specialize(spirv: &[u32], values: &[(u32, u32)]) -> Result<Vec<u32>, Unknown> {
     let mut specialized = spirv[..WORDS_OF_HEADER.min(spirv.len())].to_vec();
     let mut set: HashMap<u32, u32> = HashMap::new();

@@ -21,7 +21,7 @@ use crate::sphere::Random;
 /// What is exported as one module: small networks, and two of those that are shipped.
 fn brdfs() -> Vec<(String, Arc<Brdf>)> {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/materials");
-    let load = |name: &str| Brdf::load(&folder.join(name).with_extension("neubrdf"), None).unwrap();
+    let load = |name: &str| Brdf::load(folder.join(name).with_extension("neubrdf"), None).unwrap();
     let shipped = ["chrome_polished", "aluminium_brushed"].map(|name| (name.to_owned(), Arc::new(load(name))));
     neubrdfs().into_iter().chain(shipped).collect()
 }
