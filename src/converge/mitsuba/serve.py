@@ -5,12 +5,15 @@ as f32 RGB from the top left. The first line that is written says which version 
 """
 import json
 import os
+import signal
 import sys
 import time
 
 import mitsuba as mi
 import numpy as np
 
+# Ctrl-C in a terminal is for whoever asks; without them the input ends.
+signal.signal(signal.SIGINT, signal.SIG_IGN)
 mi.set_variant(os.environ.get("MITSUBA_VARIANT", "llvm_ad_rgb"))
 scene = mi.load_file(sys.argv[1])
 width, height = (int(side) for side in scene.sensors()[0].film().crop_size())
