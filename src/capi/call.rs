@@ -141,6 +141,21 @@ pub(super) unsafe trait Sized32: Copy {
     const FIRST: usize;
 }
 
+/// Names structs of numbers, and of handles and pointers for which null is a value, with their sizes in the first version that had
+/// them. Those stay when members are added.
+macro_rules! sized_structs {
+    ($($name:ident: $first:literal),+ $(,)?) => {$(
+        // SAFETY: so they are, as who calls this macro says.
+        unsafe impl super::call::Sized32 for $name {
+            const NAME: &'static str = stringify!($name);
+            // Where pointers are shorter no version has been released.
+            const FIRST: usize = if cfg!(target_pointer_width = "64") { $first } else { size_of::<$name>() };
+        }
+        const _: () = assert!(<$name as super::call::Sized32>::FIRST <= size_of::<$name>());
+    )+};
+}
+pub(super) use sized_structs;
+
 /// What a caller's struct holds; what it does not have is 0.
 ///
 /// # Safety

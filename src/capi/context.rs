@@ -3,7 +3,7 @@
 use std::ffi::{CString, c_char};
 use std::sync::Arc;
 
-use super::call::{Failure, NeubrdfResult, Sized32, call, end, hand_over, object, read};
+use super::call::{Failure, NeubrdfResult, call, end, hand_over, object, read, sized_structs};
 use super::vulkan::*;
 use crate::gpu::{Additions, Device, HostDevice, Requirements, requirements};
 
@@ -38,11 +38,7 @@ pub struct NeubrdfHost {
     pub debug_utils: u32,
 }
 
-// SAFETY: numbers, handles and a pointer; null handles and a null function are values.
-unsafe impl Sized32 for NeubrdfHost {
-    const NAME: &'static str = "NeubrdfHost";
-    const FIRST: usize = size_of::<NeubrdfHost>();
-}
+sized_structs! { NeubrdfHost: 56 }
 
 /// A device lent to us.
 pub struct NeubrdfContext {

@@ -2,7 +2,9 @@
 
 use std::sync::Arc;
 
-use super::call::{Failure, NeubrdfResult, Sized32, array, call, end, hand_over, object, put, read, shared, write};
+use super::call::{
+    Failure, NeubrdfResult, array, call, end, hand_over, object, put, read, shared, sized_structs, write,
+};
 use super::context::NeubrdfContext;
 use super::scene::{NeubrdfCamera, NeubrdfMaterial, NeubrdfScene, environment, sun, transform};
 use super::vulkan::*;
@@ -180,29 +182,7 @@ pub struct NeubrdfStatus {
     pub reserved: u32,
 }
 
-// SAFETY: numbers, for this and those below, and handles and pointers, for which null is a value.
-unsafe impl Sized32 for NeubrdfOptions {
-    const NAME: &'static str = "NeubrdfOptions";
-    const FIRST: usize = size_of::<NeubrdfOptions>();
-}
-
-// SAFETY: see above.
-unsafe impl Sized32 for NeubrdfTarget {
-    const NAME: &'static str = "NeubrdfTarget";
-    const FIRST: usize = size_of::<NeubrdfTarget>();
-}
-
-// SAFETY: see above.
-unsafe impl Sized32 for NeubrdfFrame {
-    const NAME: &'static str = "NeubrdfFrame";
-    const FIRST: usize = size_of::<NeubrdfFrame>();
-}
-
-// SAFETY: see above.
-unsafe impl Sized32 for NeubrdfStatus {
-    const NAME: &'static str = "NeubrdfStatus";
-    const FIRST: usize = size_of::<NeubrdfStatus>();
-}
+sized_structs! { NeubrdfOptions: 52, NeubrdfTarget: 64, NeubrdfFrame: 24, NeubrdfStatus: 24 }
 
 impl NeubrdfOptions {
     fn options(&self) -> Result<Options, Failure> {

@@ -5,7 +5,7 @@ use std::ffi::{CString, c_char};
 use glam::{Affine3A, Mat3, Vec2, Vec3};
 use half::f16;
 
-use super::call::{Failure, NeubrdfResult, Sized32, array, call, end, hand_over, object, path, put, read, text};
+use super::call::{Failure, NeubrdfResult, array, call, end, hand_over, object, path, put, read, sized_structs, text};
 use crate::scene::{
     Camera, Color, Environment, Film, Fresnel, Instance, Lens, Material, Mesh, Scene, Sun, Surface, Texture, Warning,
 };
@@ -100,23 +100,7 @@ pub struct NeubrdfMaterial {
     pub emits_both_sides: u32,
 }
 
-// SAFETY: numbers, for this and the two below, and pointers, for which null is a value.
-unsafe impl Sized32 for NeubrdfCamera {
-    const NAME: &'static str = "NeubrdfCamera";
-    const FIRST: usize = size_of::<NeubrdfCamera>();
-}
-
-// SAFETY: see above.
-unsafe impl Sized32 for NeubrdfMesh {
-    const NAME: &'static str = "NeubrdfMesh";
-    const FIRST: usize = size_of::<NeubrdfMesh>();
-}
-
-// SAFETY: see above.
-unsafe impl Sized32 for NeubrdfMaterial {
-    const NAME: &'static str = "NeubrdfMaterial";
-    const FIRST: usize = size_of::<NeubrdfMaterial>();
-}
+sized_structs! { NeubrdfCamera: 52, NeubrdfMesh: 56, NeubrdfMaterial: 76 }
 
 impl NeubrdfCamera {
     pub(super) fn camera(&self) -> Camera {

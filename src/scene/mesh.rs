@@ -26,6 +26,11 @@ impl Mesh {
         if self.materials.len() == 1 { self.materials[0] } else { self.materials[triangle] }
     }
 
+    /// An object-space box around it.
+    pub(super) fn bounds(&self) -> Bounds {
+        self.positions.iter().fold(Bounds::EMPTY, |bounds, &position| bounds.including(position))
+    }
+
     /// The corners of a triangle in object space.
     pub fn corners(&self, triangle: usize) -> [Vec3; 3] {
         self.triangles[triangle].map(|corner| self.positions[corner as usize])
@@ -199,9 +204,7 @@ impl Bounds {
 /// A world-space box around instances of meshes: around the corners of each mesh's own box, so that ten thousand
 /// instances of a large mesh cost no more than ten thousand boxes.
 pub(super) fn bounds(meshes: &[Mesh], instances: &[Instance]) -> Bounds {
-    let around =
-        |mesh: &Mesh| mesh.positions.iter().fold(Bounds::EMPTY, |bounds, &position| bounds.including(position));
-    let boxes: Vec<Bounds> = meshes.iter().map(around).collect();
+    let boxes: Vec<Bounds> = meshes.iter().map(Mesh::bounds).collect();
     let mut bounds = Bounds::EMPTY;
     for instance in instances {
         let Bounds { min, max } = boxes[instance.mesh as usize];

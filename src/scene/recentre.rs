@@ -25,7 +25,7 @@ impl Scene {
         let mut origins = Vec::with_capacity(scene.meshes.len());
         for (index, mesh) in scene.meshes.iter_mut().enumerate() {
             let stands_alone = self.instances.iter().filter(|instance| instance.mesh as usize == index).all(is_unmoved);
-            let bounds = mesh.positions.iter().fold(Bounds::EMPTY, |bounds, position| bounds.including(*position));
+            let bounds = mesh.bounds();
             let origin = match (is_far(&bounds), stands_alone) {
                 (false, _) => Vec3::ZERO,
                 // Where it is not moved it stays so, which is a kernel the less.
