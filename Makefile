@@ -4,7 +4,7 @@ CARGO := cargo
 FEATURES := --features embree --locked
 OUT := target/demo
 
-.PHONY: demo test soak bench check study study-fit install install-test install-demo
+.PHONY: demo test soak bench check study study-fit study-sparse install install-test install-demo
 
 ## Renders the preview scene, in analytic and in neural materials, to target/demo/preview.png and neural.png (and .exr).
 demo: install-demo
@@ -66,6 +66,11 @@ install: install-demo
 	$(CARGO) build --release $(FEATURES) --bin neubrdf --target-dir target/install
 	$(CARGO) rustc --release --locked --lib --crate-type cdylib,staticlib --target-dir target/install
 	scripts/install.sh $(PREFIX) target/install/release
+
+## Learns six materials from few measurements, and sets what comes out beside the nearest of them and their mean by distance; about two
+## minutes. It goes on where it was stopped.
+study-sparse:
+	$(CARGO) run --release $(FEATURES) --example study_sparse -- $(MATERIALS)
 
 install-demo:
 	@scripts/setup.sh demo

@@ -1,5 +1,7 @@
 //! What the studies of training share: ground truths, and fits that are not done twice.
 
+#![allow(dead_code)] // a study need not use all
+
 mod fit;
 mod truths;
 

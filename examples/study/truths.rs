@@ -27,7 +27,6 @@ pub struct Truth {
     pub name: String,
     pub is_isotropic: bool,
     /// Made here, not published.
-    #[allow(dead_code)] // a study need not ask
     pub is_ours: bool,
     /// What training sees.
     learned: Eval,
