@@ -1,8 +1,9 @@
 //! What may change in a scene while it is rendered.
 
-use glam::Affine3A;
+use glam::{Affine3A, Vec3};
 
-use crate::render::Changed;
+use crate::gpu::{HostVertices, Update};
+use crate::render::{Changed, Deformed};
 use crate::scene::{Camera, Environment, Flaw, Instance, Material, Scene, Sun};
 
 /// A change of the scene.
@@ -10,17 +11,33 @@ use crate::scene::{Camera, Environment, Flaw, Instance, Material, Scene, Sun};
 pub enum Change {
     /// Another view. Costs nothing but the copy of a record.
     Camera(Camera),
-    /// An instance stands elsewhere. The top level over all instances is rebuilt, once for all changes of an update: a tree on
-    /// the CPU for the BVH, an acceleration structure in the next frame for ray query. Emissive triangles move with it, and the
-    /// light table is made anew.
+    /// An instance stands elsewhere. The top level over all instances follows ([`Renderer::set_top_level`](super::Renderer::set_top_level)),
+    /// once for all changes of an update: a tree on the CPU for the BVH, an acceleration structure in the next frame for ray query.
+    /// Emissive triangles move with it, and the light table is made anew.
     Transform {
         /// Index into [`Scene::instances`].
         instance: u32,
         /// Where it stands: invertible, finite.
         object_to_world: Affine3A,
     },
-    /// Other instances of the scene's meshes; at least one. The top level is rebuilt.
+    /// Other instances of the scene's meshes; at least one. The top level is rebuilt where they are more, fewer, or of other meshes.
     Instances(Vec<Instance>),
+    /// A mesh has another shape: the same triangles, texture coordinates and materials over vertices that lie elsewhere. What finds
+    /// its triangles is rebuilt or refitted, as said: an acceleration structure in the next frame, or a tree on the CPU. The first
+    /// refit is a rebuild, of something that can be refitted. The top level and the light table follow as for [`Change::Transform`].
+    Deform {
+        /// Index into [`Scene::meshes`].
+        mesh: u32,
+        /// As many as the mesh has in the scene: the corners of a box, where only the device has its triangles.
+        positions: Vec<Vec3>,
+        /// Unit normals, as many as the mesh has in the scene.
+        normals: Vec<Vec3>,
+        /// Where the device reads the vertices, in the next frame; `None` uploads those above. They are as many as at first, with
+        /// normals or without as at first.
+        from: Option<HostVertices>,
+        /// How the structure or tree over its triangles follows.
+        by: Update,
+    },
     /// A material is another. The light table is made anew if what it emits is.
     ///
     /// A surface that is like no other material's but for its colour is prepared first, which may take a second for coated,
@@ -41,6 +58,8 @@ pub enum Change {
 #[derive(Clone)]
 pub(super) struct Changeable {
     camera: Camera,
+    /// Positions and normals of meshes that were replaced, in order.
+    shapes: Vec<(usize, Vec<Vec3>, Vec<Vec3>)>,
     instances: Vec<Instance>,
     pub(super) materials: Vec<Material>,
     environment: Option<Environment>,
@@ -52,6 +71,7 @@ impl Changeable {
     pub(super) fn of(scene: &Scene) -> Changeable {
         Changeable {
             camera: scene.camera.clone(),
+            shapes: Vec::new(),
             instances: scene.instances.clone(),
             materials: scene.materials.clone(),
             environment: scene.environment.clone(),
@@ -62,6 +82,10 @@ impl Changeable {
     /// Puts it back.
     pub(super) fn restore(self, scene: &mut Scene) {
         scene.camera = self.camera;
+        for (mesh, positions, normals) in self.shapes.into_iter().rev() {
+            let mesh = &mut scene.meshes[mesh];
+            (mesh.positions, mesh.normals) = (positions, normals);
+        }
         scene.instances = self.instances;
         scene.materials = self.materials;
         scene.environment = self.environment;
@@ -78,12 +102,13 @@ pub(super) struct Touched {
 
 impl Touched {
     pub(super) fn is_scene(&self) -> bool {
-        self.scene.instances || self.scene.lights || !self.scene.materials.is_empty()
+        let Changed { instances, deformed, materials, lights, .. } = &self.scene;
+        *instances || *lights || !deformed.is_empty() || !materials.is_empty()
     }
 }
 
-/// Makes the changes, in order.
-pub(super) fn apply(scene: &mut Scene, changes: &[Change]) -> Result<Touched, Flaw> {
+/// Makes the changes, in order. `before` is told what it does not have yet.
+pub(super) fn apply(scene: &mut Scene, changes: &[Change], before: &mut Changeable) -> Result<Touched, Flaw> {
     let mut touched = Touched::default();
     for change in changes {
         match change {
@@ -103,6 +128,21 @@ pub(super) fn apply(scene: &mut Scene, changes: &[Change]) -> Result<Touched, Fl
                 scene.check_instances(instances)?;
                 scene.instances.clone_from(instances);
                 touched.scene.instances = true;
+            }
+            Change::Deform { mesh: index, positions, normals, from, by } => {
+                scene.check_vertices(*index, positions, normals)?;
+                let index = *index as usize;
+                let mesh = &mut scene.meshes[index];
+                if mesh.triangles.is_empty() && from.is_none() {
+                    let part = format!("vertices of mesh {index} ({})", mesh.name);
+                    let expected = "in a host's buffers, as its triangles are".into();
+                    return Err(Flaw { part, found: "in the change".into(), expected });
+                }
+                let old_positions = std::mem::replace(&mut mesh.positions, positions.clone());
+                let old_normals = std::mem::replace(&mut mesh.normals, normals.clone());
+                before.shapes.push((index, old_positions, old_normals));
+                touched.scene.deformed.retain(|deformed| deformed.mesh != index);
+                touched.scene.deformed.push(Deformed { mesh: index, from: *from, by: *by });
             }
             Change::Material { index, material } => {
                 scene.check_material(*index, material)?;

@@ -4,14 +4,15 @@ use std::sync::Arc;
 
 use glam::{Affine3A, Vec3};
 
+use super::device_mesh::Deformed;
 use super::error::Error;
-use super::geometry::{Geometry, Placement, overwrite};
+use super::geometry::{Geometry, NextGeometry, Placement, overwrite};
 use super::kernels::Features;
 use super::layout::{AliasRecord, EmitterRecord, SceneTable, TextureRecord};
 use super::material_record::DeviceMaterials;
 use super::neubrdf_table::NeuBrdfShape;
 use super::settings::Traversal;
-use crate::gpu::{Buffer, Tlas, Upload};
+use crate::gpu::{Buffer, HostMesh, Tlas, Update, Upload};
 use crate::scene::brdf::Precision;
 use crate::scene::{Environment, LightTable, Material, Scene};
 
@@ -41,6 +42,10 @@ struct DeviceLights {
 pub struct Changed {
     /// Instances were moved, added or removed.
     pub instances: bool,
+    /// Meshes have another shape, each named once; their instances count as moved.
+    pub deformed: Vec<Deformed>,
+    /// How the top level over all instances follows.
+    pub top_level: Update,
     /// Materials, by their index.
     pub materials: Vec<usize>,
     /// The sky, the sun, or what emits.
@@ -49,23 +54,23 @@ pub struct Changed {
 
 /// What [`DeviceScene::changed`] made, and then what it took the place of.
 pub struct NextScene {
-    placement: Option<Placement>,
+    geometry: Option<NextGeometry>,
     materials: DeviceMaterials,
     lights: DeviceLights,
 }
 
 impl DeviceScene {
     /// Uploads what the features say is there, and nothing else; the numbers of NeuBRDFs in that precision, or in half where it
-    /// loses nothing.
+    /// loses nothing. The meshes of those indices come from a host's buffers.
     pub fn new(
         upload: &mut Upload,
-        scene: &Scene,
+        (scene, host_meshes): (&Scene, &[(u32, HostMesh)]),
         lights: &LightTable,
         features: &Features,
         traversal: Traversal,
         precision: Option<Precision>,
     ) -> Result<DeviceScene, Error> {
-        let geometry = Geometry::new(upload, scene, traversal)?;
+        let geometry = Geometry::new(upload, scene, host_meshes, traversal)?;
         let (materials, neubrdf_shape) = DeviceMaterials::new(upload, &scene.materials, &scene.brdfs, precision)?;
         let neubrdf_shape = neubrdf_shape.on(upload.device());
         let mut buffers = Vec::new();
@@ -118,22 +123,26 @@ impl DeviceScene {
             let both = (before, &scene.materials[..]);
             materials.replace(upload, both, &changed.materials, &scene.brdfs, &self.neubrdf_shape)?;
         }
-        let placement = changed.instances.then(|| self.geometry.placed(upload, scene)).transpose()?;
+        let moved = changed.instances || !changed.deformed.is_empty();
+        let geometry = match moved {
+            true => Some(self.geometry.changed(upload, scene, &changed.deformed, changed.top_level)?),
+            false => None,
+        };
         // Emitters stand in the world.
-        let lights = match changed.lights || changed.instances {
+        let lights = match changed.lights || moved {
             true => self.lights.overwritten(upload, scene, &table_of_lights, features)?,
             false => self.lights.clone(),
         };
-        let place = placement.as_ref().unwrap_or(self.geometry.placement());
+        let place = geometry.as_ref().map_or(self.geometry.placement(), NextGeometry::placement);
         let table = table(scene, &table_of_lights, &self.geometry, place, &materials, self.textures, &lights);
         upload.write(&self.table, &[table])?;
-        Ok(NextScene { placement, materials, lights })
+        Ok(NextScene { geometry, materials, lights })
     }
 
     /// Takes what [`DeviceScene::changed`] made. What it returns is to be kept for as long as work may use it.
     pub fn take(&mut self, next: NextScene) -> NextScene {
         NextScene {
-            placement: next.placement.map(|placement| self.geometry.place(placement)),
+            geometry: next.geometry.map(|geometry| self.geometry.take(geometry)),
             materials: std::mem::replace(&mut self.materials, next.materials),
             lights: std::mem::replace(&mut self.lights, next.lights),
         }
