@@ -14,9 +14,7 @@ use frames::{Bits, expected, frame, options_of, renderer, scene, submit, submit_
 use glam::{Affine3A, Quat, Vec3};
 use host::{Host, HostMemory, in_lavapipe_hosts};
 use neubrdf::gpu::Device;
-use neubrdf::plugin::{
-    Change, Error, HostArray, HostIndices, HostMesh, HostVertices, IndexFormat, Options, Renderer, Update,
-};
+use neubrdf::plugin::{Change, Error, HostArray, HostIndices, HostMesh, HostVertices, IndexFormat, Renderer, Update};
 use neubrdf::scene::{Mesh, Scene};
 
 /// The sphere of [`scene`], with normals and texture coordinates.

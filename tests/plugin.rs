@@ -11,14 +11,15 @@ mod host;
 use std::sync::Arc;
 
 use ash::vk;
+use common::random_neubrdf::{Shape, random_neubrdf};
 use frames::{Bits, alone, bits, expected, frame, options, options_of, picture_of, renderer, scene, submit, wait};
 use glam::{Affine3A, Quat, Vec3};
-use host::{Host, HostMemory, Recording, in_every_host, in_lavapipe_hosts};
-use neubrdf::gpu::{self, Commands, Device, HostBuffer, HostImage};
+use host::{HostMemory, Recording, in_every_host, in_lavapipe_hosts};
+use neubrdf::gpu::{self, Commands, HostBuffer, HostImage};
 use neubrdf::image::{Samples, plane, tone_map};
-use neubrdf::plugin::{Change, Channel, Error, Frame, Options, PixelFormat, Renderer, Status, Target};
-use neubrdf::render::{self, Features, Sampler, Settings, Traversal};
-use neubrdf::scene::{Camera, Environment, Film, Instance, Lens, Material, Scene, Sun, Surface};
+use neubrdf::plugin::{Change, Channel, Error, Frame, Options, PixelFormat, Renderer, Target};
+use neubrdf::render::{self, Features, Sampler, Settings};
+use neubrdf::scene::{Brdf, Camera, Environment, Film, Instance, Lens, Material, Scene, Sun, Surface};
 
 /// The view from another side.
 fn orbit(scene: &Scene, degrees: f32) -> Change {
@@ -200,6 +201,7 @@ fn apply(scene: &mut Scene, change: &Change) {
         }
         Change::Instances(instances) => scene.instances = instances,
         Change::Material { index, material } => scene.materials[index as usize] = material,
+        change @ (Change::Brdf { .. } | Change::Deform { .. }) => panic!("{change:?}"),
         Change::Environment(environment) => scene.environment = environment,
         Change::Sun(sun) => scene.sun = sun,
     }
@@ -251,6 +253,43 @@ fn what_was_reserved_may_come_and_go() {
         assert!(mean(&frame(host, &device, &mut renderer, 4).0) == 0.0);
         renderer.update(&[Change::Sun(Some(sun))]).unwrap();
         assert!(mean(&frame(host, &device, &mut renderer, 4).0) > 0.01);
+    });
+}
+
+/// A scene whose ball and floor have NeuBRDFs, and others to come.
+#[test]
+fn brdfs_of_files_may_come_while_it_renders() {
+    in_lavapipe_hosts(|host| {
+        let device = host.lend();
+        let small = Shape { n_side: 4, features: 4, codes: 60, hidden: &[12, 16, 12], ..Shape::FULL };
+        let model = |shape, seed| Arc::new(Brdf::NeuBrdf(Box::new(random_neubrdf(shape, seed))));
+        let mut now = scene();
+        now.brdfs = vec![model(small, 1), model(small, 2)];
+        now.materials[0].surface = Surface::Measured { brdf: 0 };
+        now.materials[1].surface = Surface::Measured { brdf: 1 };
+        let reserve = Features { neubrdf_queues: 3, ..Features::NONE };
+        let mut renderer = Renderer::new(&device, now.clone(), &Options { reserve, ..options_of(host) }).unwrap();
+        frame(host, &device, &mut renderer, 1);
+
+        now.brdfs[0] = model(small, 3);
+        renderer.update(&[Change::Brdf { index: 0, brdf: now.brdfs[0].clone() }]).unwrap();
+        assert!(frame(host, &device, &mut renderer, 2).0 == expected(host, &now, 2), "in the place of another");
+
+        now.brdfs.push(model(small, 4));
+        now.materials[1].surface = Surface::Measured { brdf: 2 };
+        let material = now.materials[1].clone();
+        let added = [Change::Brdf { index: 2, brdf: now.brdfs[2].clone() }, Change::Material { index: 1, material }];
+        renderer.update(&added).unwrap();
+        assert!(frame(host, &device, &mut renderer, 2).0 == expected(host, &now, 2), "after the last");
+
+        let wide = Shape { hidden: &[32, 16, 12], ..small };
+        for (index, brdf, says) in
+            [(0, model(wide, 5), "wider"), (3, model(small, 5), "so many"), (7, model(small, 5), "at most 3")]
+        {
+            let error = renderer.update(&[Change::Brdf { index, brdf }]).unwrap_err();
+            assert!(error.to_string().contains(says), "{says}: {error}");
+        }
+        assert_eq!(*renderer.scene(), now);
     });
 }
 

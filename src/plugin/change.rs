@@ -1,10 +1,12 @@
 //! What may change in a scene while it is rendered.
 
+use std::sync::Arc;
+
 use glam::{Affine3A, Vec3};
 
 use crate::gpu::{HostVertices, Update};
 use crate::render::{Changed, Deformed};
-use crate::scene::{Camera, Environment, Flaw, Instance, Material, Scene, Sun};
+use crate::scene::{Brdf, Camera, Environment, Flaw, Instance, Material, Scene, Sun, Surface};
 
 /// A change of the scene.
 #[derive(Clone, Debug, PartialEq)]
@@ -48,6 +50,14 @@ pub enum Change {
         /// What it is now.
         material: Material,
     },
+    /// A BRDF, as of a file, in the place of another, or after the last: then a [`Change::Material`] refers to it. Materials that have it are
+    /// prepared. Kernels are built for the largest NeuBRDF of [`Scene::brdfs`], with or without a material that has it.
+    Brdf {
+        /// Index into [`Scene::brdfs`], or how many those are.
+        index: u32,
+        /// What it is now.
+        brdf: Arc<Brdf>,
+    },
     /// Another sky, or none. The light table is made anew.
     Environment(Option<Environment>),
     /// Another sun, or none. The light table is made anew.
@@ -62,6 +72,7 @@ pub(super) struct Changeable {
     shapes: Vec<(usize, Vec<Vec3>, Vec<Vec3>)>,
     instances: Vec<Instance>,
     pub(super) materials: Vec<Material>,
+    brdfs: Vec<Arc<Brdf>>,
     environment: Option<Environment>,
     sun: Option<Sun>,
 }
@@ -74,6 +85,7 @@ impl Changeable {
             shapes: Vec::new(),
             instances: scene.instances.clone(),
             materials: scene.materials.clone(),
+            brdfs: scene.brdfs.clone(),
             environment: scene.environment.clone(),
             sun: scene.sun,
         }
@@ -88,6 +100,7 @@ impl Changeable {
         }
         scene.instances = self.instances;
         scene.materials = self.materials;
+        scene.brdfs = self.brdfs;
         scene.environment = self.environment;
         scene.sun = self.sun;
     }
@@ -102,8 +115,8 @@ pub(super) struct Touched {
 
 impl Touched {
     pub(super) fn is_scene(&self) -> bool {
-        let Changed { instances, deformed, materials, lights, .. } = &self.scene;
-        *instances || *lights || !deformed.is_empty() || !materials.is_empty()
+        let Changed { instances, deformed, materials, brdfs, lights, .. } = &self.scene;
+        *instances || *lights || !deformed.is_empty() || !materials.is_empty() || !brdfs.is_empty()
     }
 }
 
@@ -151,6 +164,22 @@ pub(super) fn apply(scene: &mut Scene, changes: &[Change], before: &mut Changeab
                 touched.scene.lights |= shines(now) != shines(material);
                 now.clone_from(material);
                 touched.scene.materials.push(*index as usize);
+            }
+            Change::Brdf { index, brdf } => {
+                let (index, count) = (*index as usize, scene.brdfs.len());
+                if index > count {
+                    let part = "index of a BRDF".into();
+                    return Err(Flaw { part, found: index.to_string(), expected: format!("at most {count}") });
+                }
+                match scene.brdfs.get_mut(index) {
+                    Some(now) => now.clone_from(brdf),
+                    None => scene.brdfs.push(brdf.clone()),
+                }
+                // A NeuBRDF's queue hangs on how many come before it.
+                let is_measured = |material: &Material| matches!(material.surface, Surface::Measured { .. });
+                let measured = (0..scene.materials.len()).filter(|index| is_measured(&scene.materials[*index]));
+                touched.scene.materials.extend(measured);
+                touched.scene.brdfs.push(index);
             }
             Change::Environment(environment) => {
                 if let Some(environment) = environment {

@@ -10,7 +10,7 @@ use super::geometry::{Geometry, NextGeometry, Placement, overwrite};
 use super::kernels::Features;
 use super::layout::{AliasRecord, EmitterRecord, SceneTable, TextureRecord};
 use super::material_record::DeviceMaterials;
-use super::neubrdf_table::NeuBrdfShape;
+use super::neubrdf_table::{NeuBrdfShape, neubrdfs};
 use super::settings::Traversal;
 use crate::gpu::{Buffer, HostMesh, Tlas, Update, Upload};
 use crate::scene::brdf::Precision;
@@ -25,6 +25,8 @@ pub struct DeviceScene {
     textures: u64,
     table: Arc<Buffer>,
     neubrdf_shape: NeuBrdfShape,
+    /// The NeuBRDFs' precision was chosen by whoever asked for it, be it exact or not.
+    chosen_precision: bool,
     // Held for the texture records' pointers.
     _buffers: Vec<Arc<Buffer>>,
 }
@@ -46,8 +48,10 @@ pub struct Changed {
     pub deformed: Vec<Deformed>,
     /// How the top level over all instances follows.
     pub top_level: Update,
-    /// Materials, by their index.
+    /// Materials, by their index, with those whose BRDF is another.
     pub materials: Vec<usize>,
+    /// BRDFs, by their index.
+    pub brdfs: Vec<usize>,
     /// The sky, the sun, or what emits.
     pub lights: bool,
 }
@@ -97,6 +101,7 @@ impl DeviceScene {
             textures,
             table,
             neubrdf_shape,
+            chosen_precision: precision.is_some(),
             _buffers: buffers,
         })
     }
@@ -118,10 +123,19 @@ impl DeviceScene {
         if let Some(what) = features.lacks_of(&Features::of(scene, &table_of_lights)) {
             return Err(Error::Fixed { what });
         }
+        for model in neubrdfs(changed.brdfs.iter().map(|index| &*scene.brdfs[*index])) {
+            if !self.neubrdf_shape.holds(model) {
+                return Err(Error::Fixed { what: "a NeuBRDF that is wider or deeper, or isotropic".to_owned() });
+            }
+            if !self.chosen_precision && !self.neubrdf_shape.is_exact_for(model) {
+                return Err(Error::Fixed { what: "a NeuBRDF in single precision".to_owned() });
+            }
+        }
         let mut materials = self.materials.clone();
         if !changed.materials.is_empty() {
             let both = (before, &scene.materials[..]);
-            materials.replace(upload, both, &changed.materials, &scene.brdfs, &self.neubrdf_shape)?;
+            let which = (&changed.materials[..], &changed.brdfs[..]);
+            materials.replace(upload, both, which, &scene.brdfs, &self.neubrdf_shape)?;
         }
         let moved = changed.instances || !changed.deformed.is_empty();
         let geometry = match moved {
