@@ -34,6 +34,8 @@ mod vulkan {
     pub type VkImage = vk::Image;
     pub type VkBuffer = vk::Buffer;
     pub type VkImageLayout = vk::ImageLayout;
+    pub type VkDeviceMemory = vk::DeviceMemory;
+    pub type VkMemoryPropertyFlags = vk::MemoryPropertyFlags;
     pub type VkIndexType = vk::IndexType;
     pub type VkDeviceAddress = vk::DeviceAddress;
     pub type VkDeviceCreateInfo = vk::DeviceCreateInfo<'static>;

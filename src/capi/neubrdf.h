@@ -248,6 +248,24 @@ typedef enum NeubrdfUpdate {
 } NeubrdfUpdate;
 
 /**
+ * What memory is for.
+ */
+typedef enum NeubrdfMemoryUse {
+  /**
+   * The device reads and writes it.
+   */
+  NEUBRDF_MEMORY_USE_DEVICE = 0,
+  /**
+   * The CPU writes, the device reads: mapped, coherent.
+   */
+  NEUBRDF_MEMORY_USE_UPLOAD = 1,
+  /**
+   * The device writes, the CPU reads: mapped, coherent, better cached.
+   */
+  NEUBRDF_MEMORY_USE_READBACK = 2,
+} NeubrdfMemoryUse;
+
+/**
  * A device lent to us.
  */
 typedef struct NeubrdfContext NeubrdfContext;
@@ -266,6 +284,70 @@ typedef struct NeubrdfRequirements NeubrdfRequirements;
  * What is rendered. Renderers take a copy.
  */
 typedef struct NeubrdfScene NeubrdfScene;
+
+/**
+ * Memory that a buffer asks for, from one VkDeviceMemory made with VK_MEMORY_ALLOCATE_DEVICE_ADDRESS_BIT.
+ */
+typedef struct NeubrdfMemoryRequest {
+  /**
+   * sizeof(NeubrdfMemoryRequest), as this library has it.
+   */
+  uint32_t size;
+  /**
+   * A NeubrdfMemoryUse.
+   */
+  uint32_t memory_use;
+  /**
+   * Bytes.
+   */
+  uint64_t bytes;
+  /**
+   * The offset is a multiple of it.
+   */
+  uint64_t alignment;
+  /**
+   * Bit i: memory type i will do.
+   */
+  uint32_t memory_type_bits;
+  /**
+   * Nothing.
+   */
+  uint32_t reserved;
+  /**
+   * What the buffer is called; valid during the call.
+   */
+  const char *name;
+} NeubrdfMemoryRequest;
+
+/**
+ * A piece of the host's memory.
+ */
+typedef struct NeubrdfMemory {
+  /**
+   * What it is a piece of.
+   */
+  VkDeviceMemory memory;
+  /**
+   * Where it begins.
+   */
+  uint64_t offset;
+  /**
+   * Where the CPU sees it, from its beginning on; null where it does not.
+   */
+  void *mapped;
+  /**
+   * VkMemoryPropertyFlags of its type.
+   */
+  uint32_t properties;
+  /**
+   * Nothing.
+   */
+  uint32_t reserved;
+  /**
+   * The host's own.
+   */
+  void *handle;
+} NeubrdfMemory;
 
 /**
  * A host's device. Nothing of it is ever destroyed, submitted to or waited for.
@@ -307,6 +389,19 @@ typedef struct NeubrdfHost {
    * Not 0 if the instance has VK_EXT_debug_utils: our passes and objects then have names in captures.
    */
   uint32_t debug_utils;
+  /**
+   * Gives the memory of our buffers; null is an allocator of our own. Called from any thread that makes or ends objects, or changes a
+   * renderer's scene, and from none in a frame. Returns 0 and fills `memory`, or anything else where no memory is left.
+   */
+  int32_t (*allocate)(void *user, const struct NeubrdfMemoryRequest *request, struct NeubrdfMemory *memory);
+  /**
+   * Takes it back: the buffer is gone.
+   */
+  void (*free)(void *user, const struct NeubrdfMemory *memory);
+  /**
+   * The host's own, for these two.
+   */
+  void *user;
 } NeubrdfHost;
 
 /**

@@ -44,6 +44,7 @@ mod host_mesh;
 mod host_target;
 mod instance;
 mod kernel;
+mod memory;
 mod profile;
 mod requirements;
 mod upload;
@@ -57,6 +58,7 @@ pub use host_mesh::{HostArray, HostIndices, HostMesh, HostVertices, IndexFormat}
 pub use host_target::{HostBuffer, HostImage};
 pub use instance::{DeviceChoice, Instance, Validation};
 pub use kernel::{Kernel, KernelSource};
+pub use memory::{HostAllocator, HostMemory, MemoryRequest};
 pub use profile::{DeviceReport, Limits, PUSH_CONSTANT_BYTES, Profile};
 pub use requirements::{Additions, Requirements, requirements};
 pub use upload::Upload;

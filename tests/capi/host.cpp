@@ -10,6 +10,7 @@
 #include <cstdio>
 #include <cstdlib>
 #include <cstring>
+#include <mutex>
 #include <string>
 #include <vector>
 
@@ -205,6 +206,39 @@ Square::~Square() {
     vkFreeMemory(engine.device, memory, nullptr);
 }
 
+// The engine's allocator, as simple as can be: a VkDeviceMemory each.
+struct Allocator {
+    const Engine& engine;
+    std::mutex mutex;
+    int given = 0, alive = 0;
+};
+
+static int32_t allocate(void* user, const NeubrdfMemoryRequest* request, NeubrdfMemory* memory) {
+    Allocator& allocator = *static_cast<Allocator*>(user);
+    const std::lock_guard<std::mutex> guard(allocator.mutex);
+    const VkMemoryRequirements needs{request->bytes, request->alignment, request->memory_type_bits};
+    const VkMemoryPropertyFlags visible = VK_MEMORY_PROPERTY_HOST_VISIBLE_BIT | VK_MEMORY_PROPERTY_HOST_COHERENT_BIT;
+    const VkMemoryPropertyFlags local = VK_MEMORY_PROPERTY_DEVICE_LOCAL_BIT;
+    const bool on_device = request->memory_use == NEUBRDF_MEMORY_USE_DEVICE;
+    memory->properties = on_device ? local : visible;
+    memory->memory = allocator.engine.allocate(needs, memory->properties, VK_MEMORY_ALLOCATE_DEVICE_ADDRESS_BIT);
+    if (!on_device) {
+        CHECK(vkMapMemory(allocator.engine.device, memory->memory, 0, VK_WHOLE_SIZE, 0, &memory->mapped));
+    }
+    memory->handle = &allocator.given;
+    allocator.given += 1;
+    allocator.alive += 1;
+    return 0;
+}
+
+static void release(void* user, const NeubrdfMemory* memory) {
+    Allocator& allocator = *static_cast<Allocator*>(user);
+    const std::lock_guard<std::mutex> guard(allocator.mutex);
+    if (memory->handle != &allocator.given) std::exit(1);
+    vkFreeMemory(allocator.engine.device, memory->memory, nullptr);
+    allocator.alive -= 1;
+}
+
 static NeubrdfCamera camera_at(float x, float y, float z) {
     NeubrdfCamera camera{};
     camera.size = sizeof camera;
@@ -346,6 +380,12 @@ static void render(const Engine& engine, const char* file, const char* output, c
     host.device = engine.device;
     host.ray_query = engine.ray_query;
     host.debug_utils = 1;
+    Allocator allocator{engine, {}};
+    if (is_made) {
+        host.allocate = allocate;
+        host.free = release;
+        host.user = &allocator;
+    }
     NeubrdfContext* context;
     CHECK(neubrdf_context_create(&host, &context));
     NeubrdfScene* scene = nullptr;
@@ -420,6 +460,7 @@ static void render(const Engine& engine, const char* file, const char* output, c
 
     neubrdf_renderer_destroy(renderer);
     neubrdf_context_destroy(context);
+    std::printf("%d pieces of the engine's memory, %d left\n", allocator.given, allocator.alive);
     vkDestroyFence(engine.device, fence, nullptr);
     vkDestroyBuffer(engine.device, buffer, nullptr);
     vkFreeMemory(engine.device, buffer_memory, nullptr);

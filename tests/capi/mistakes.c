@@ -70,6 +70,10 @@ static void scenes(const char *file) {
     neubrdf_scene_destroy(NULL);
 }
 
+static void give_back(void *user, const NeubrdfMemory *memory) {
+    (void)user, (void)memory;
+}
+
 static void devices(void) {
     NeubrdfHost host;
     memset(&host, 0, sizeof host);
@@ -77,6 +81,9 @@ static void devices(void) {
     EXPECT(neubrdf_context_create(NULL, &context), NEUBRDF_RESULT_INVALID_ARGUMENT, "NeubrdfHost");
     host.size = sizeof host;
     EXPECT(neubrdf_context_create(&host, &context), NEUBRDF_RESULT_INVALID_ARGUMENT, "get_instance_proc_addr");
+    host.get_instance_proc_addr = vkGetInstanceProcAddr;
+    host.free = give_back;
+    EXPECT(neubrdf_context_create(&host, &context), NEUBRDF_RESULT_INVALID_ARGUMENT, "free without .allocate");
     EXPECT(neubrdf_renderer_create(NULL, NULL, NULL, NULL), NEUBRDF_RESULT_INVALID_ARGUMENT, "context is null");
     EXPECT(neubrdf_renderer_record(NULL, NULL, NULL, NULL), NEUBRDF_RESULT_INVALID_ARGUMENT, "renderer is null");
     EXPECT(neubrdf_renderer_complete(NULL, 0, NULL), NEUBRDF_RESULT_INVALID_ARGUMENT, "renderer is null");
