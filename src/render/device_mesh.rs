@@ -139,14 +139,14 @@ impl MeshArrays {
 
         let device = upload.device().clone();
         let mut array = |array: &_, components, vertices: u32| {
-            let target = Gatherer::buffer(&device, &mesh.name, vertices * components)?;
+            let target = Gatherer::buffer(&device, &mesh.name, vertices, components)?;
             gatherer.attribute(upload, &mesh.name, array, components, &target)?;
             Ok::<_, Error>(target)
         };
         let positions = Some(array(positions, 3, vertices)?);
         let normals = normals.as_ref().map(|normals| array(normals, 3, vertices)).transpose()?;
         let uvs = uvs.as_ref().map(|uvs| array(uvs, 2, vertices)).transpose()?;
-        let corners = Gatherer::buffer(&device, &mesh.name, 3 * triangles)?;
+        let corners = Gatherer::buffer(&device, &mesh.name, triangles, 3)?;
         gatherer.indices(upload, &mesh.name, indices, vertices, &corners)?;
         let indices = Some(corners);
         let materials = materials(upload, mesh)?;

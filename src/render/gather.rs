@@ -39,9 +39,10 @@ pub(super) struct Gatherer {
 }
 
 impl Gatherer {
-    /// A new buffer for so many words.
-    pub fn buffer(device: &Arc<Device>, name: &str, words: u32) -> Result<Arc<Buffer>, Error> {
-        Ok(Arc::new(Buffer::new(device, name, 4 * u64::from(words), Memory::Device)?))
+    /// A new buffer for so many elements of so many words.
+    pub fn buffer(device: &Arc<Device>, name: &str, count: u32, components: u32) -> Result<Arc<Buffer>, Error> {
+        let bytes = 4 * u64::from(count) * u64::from(components);
+        Ok(Arc::new(Buffer::new(device, name, bytes, Memory::Device)?))
     }
 
     /// Gathers `components` words of each vertex.
