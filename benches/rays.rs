@@ -2,14 +2,15 @@
 //!
 //! Prints a table of millions of rays a second on the Cornell box and on the meshes in `../shared/data/meshes`, if they are
 //! there. All tracers take their turn in every round, and medians are over rounds: on a busy machine trust the ratios.
-//! Arguments: `--scaling [P]` builds spheres of 10³ to 10^P triangles instead, P = 7 if not given; `--device NAME` picks the device; `--rounds N`.
+//! Arguments: `--scaling [P]` builds spheres of 10³ to 10^P triangles instead, P = 7 if not given; `--refit [P]` sets refits of such
+//! spheres beside rebuilds, P = 5 if not given; `--device NAME` picks the device; `--rounds N`.
 
 use std::path::Path;
 use std::sync::Arc;
 use std::time::Instant;
 
 use glam::{Affine3A, Mat3, Vec3};
-use neubrdf::gpu::{Device, DeviceChoice, Validation};
+use neubrdf::gpu::{BlasGeometry, Device, DeviceChoice, Update, Upload, Validation};
 use neubrdf::render::bvh::Bvh;
 use neubrdf::render::{Intersector, Query, Ray, Traversal};
 use neubrdf::scene::{Camera, Color, Film, Instance, Material, Mesh, Scene, Surface};
@@ -22,8 +23,14 @@ fn main() -> anyhow::Result<()> {
     let choice = value("--device").map_or(DeviceChoice::Auto, DeviceChoice::Named);
     let device = neubrdf::gpu::Instance::new(Validation::Off)?.open(&choice)?;
     println!("{}, {}\n", device.name(), device.driver());
-    if arguments.iter().any(|argument| argument == "--scaling") {
-        scaling(&device, rounds, value("--scaling").and_then(|most| most.parse().ok()).unwrap_or(7))
+    let most = |name: &str, default| {
+        let asked = arguments.iter().any(|argument| argument == name);
+        asked.then(|| value(name).and_then(|most| most.parse().ok()).unwrap_or(default))
+    };
+    if let Some(most) = most("--scaling", 7) {
+        scaling(&device, rounds, most)
+    } else if let Some(most) = most("--refit", 5) {
+        refit(&device, rounds, most)
     } else {
         speed(&device, rounds)
     }
@@ -96,6 +103,49 @@ fn scaling(device: &Arc<Device>, rounds: usize, most: i32) -> anyhow::Result<()>
         let bytes = bvh.bytes() as f64 / count as f64;
         println!("| {count} | {build:.2} | {bytes:.0} | {:.2} | {:.2} |", rates[0], rates[1]);
     }
+    Ok(())
+}
+
+/// What a mesh costs that changes its shape: rebuild against refit, of our tree and of the driver's structure.
+fn refit(device: &Arc<Device>, rounds: usize, most: i32) -> anyhow::Result<()> {
+    println!(
+        "| triangles | tree: rebuild, ms | refit, ms | ratio | structure: rebuild, ms | refit, ms | ratio |\n|---|---|---|---|---|---|---|"
+    );
+    for power in 3..=most {
+        let mesh = bumpy_sphere(((10f64.powi(power) / 4.0).sqrt()) as u32);
+        let tree = Bvh::over_triangles(&mesh);
+        let mut upload = Upload::now(device);
+        let positions = upload.buffer("positions", &mesh.positions)?;
+        let indices = upload.buffer("indices", &mesh.triangles)?;
+        let geometry = BlasGeometry {
+            positions: positions.address(),
+            vertex_count: mesh.positions.len() as u32,
+            indices: indices.address(),
+            triangle_count: mesh.triangles.len() as u32,
+        };
+        let structure =
+            device.has_ray_query().then(|| upload.deformable_blas(&[geometry], Update::Refit)).transpose()?;
+        let mut times = [const { Vec::new() }; 4];
+        for _ in 0..rounds {
+            times[0].push(seconds(|| built(Bvh::over_triangles(&mesh)))?);
+            times[1].push(seconds(|| built(tree.refitted(&Bvh::boxes(&mesh))))?);
+            if let Some(structure) = &structure {
+                times[2].push(seconds(|| upload.update_blas(structure, Update::Rebuild))?);
+                times[3].push(seconds(|| upload.update_blas(structure, Update::Refit))?);
+            }
+        }
+        let [rebuilt, refitted, built, updated] = times.each_mut().map(|times| median(times).map(|time| 1e3 * time));
+        let ratio = |slow: Option<f64>, fast: Option<f64>| slow.zip(fast).map(|(slow, fast)| slow / fast);
+        let cells = [rebuilt, refitted, ratio(rebuilt, refitted), built, updated, ratio(built, updated)];
+        let text = |number: Option<f64>| number.map_or("–".to_string(), |number| format!("{number:.2}"));
+        println!("| {} | {} |", mesh.triangles.len(), cells.map(text).join(" | "));
+    }
+    Ok(())
+}
+
+/// A tree that the compiler may not leave away.
+fn built(tree: Bvh) -> anyhow::Result<()> {
+    std::hint::black_box(tree);
     Ok(())
 }
 

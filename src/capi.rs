@@ -9,12 +9,16 @@
 #![allow(unsafe_code)]
 
 mod call;
+mod change;
 mod context;
+mod host_mesh;
 mod renderer;
 mod scene;
 
 pub use call::{NeubrdfResult, neubrdf_last_error, neubrdf_version};
+pub use change::*;
 pub use context::*;
+pub use host_mesh::*;
 pub use renderer::*;
 pub use scene::*;
 
@@ -30,6 +34,10 @@ mod vulkan {
     pub type VkImage = vk::Image;
     pub type VkBuffer = vk::Buffer;
     pub type VkImageLayout = vk::ImageLayout;
+    pub type VkDeviceMemory = vk::DeviceMemory;
+    pub type VkMemoryPropertyFlags = vk::MemoryPropertyFlags;
+    pub type VkIndexType = vk::IndexType;
+    pub type VkDeviceAddress = vk::DeviceAddress;
     pub type VkDeviceCreateInfo = vk::DeviceCreateInfo<'static>;
     #[allow(non_camel_case_types)] // its name
     pub type PFN_vkGetInstanceProcAddr = Option<vk::PFN_vkGetInstanceProcAddr>;

@@ -6,16 +6,18 @@ mod common;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
+use common::random_neubrdf::{Shape, random_neubrdf};
 use common::*;
 use glam::{Affine3A, Quat, Vec2, Vec3};
 use neubrdf::render::{Options, Settings};
+use neubrdf::scene::brdf::Precision;
 use neubrdf::scene::{Color, Environment, Film, Instance, Mesh, Scene, Sun, Surface, Texture};
 
 const ROOT: &str = env!("CARGO_MANIFEST_DIR");
 
 fn header() -> String {
-    let sources =
-        ["call", "context", "scene", "renderer"].map(|name| Path::new(ROOT).join(format!("src/capi/{name}.rs")));
+    let sources = ["call", "context", "scene", "host_mesh", "renderer", "change"]
+        .map(|name| Path::new(ROOT).join(format!("src/capi/{name}.rs")));
     let mut config = cbindgen::Config {
         language: cbindgen::Language::C,
         cpp_compat: true,
@@ -34,7 +36,7 @@ fn header() -> String {
         ..cbindgen::Config::default()
     };
     // Named in structs by their numbers alone.
-    let enums = ["Surface", "Traversal", "Sampler", "Reserve", "Format", "Channel"];
+    let enums = ["Surface", "Traversal", "Sampler", "Reserve", "Format", "Channel", "Update", "MemoryUse"];
     config.export.include = enums.map(|name| format!("Neubrdf{name}")).to_vec();
     config.enumeration.rename_variants = cbindgen::RenameRule::QualifiedScreamingSnakeCase;
     let builder = sources.iter().fold(cbindgen::Builder::new(), |builder, source| builder.with_src(source));
@@ -98,7 +100,7 @@ fn compile(compiler: &str, flags: &[&str], source: &str, program: &Path) -> Opti
 }
 
 /// The scene that tests/capi/host.cpp makes, after its changes.
-fn made_and_changed() -> Scene {
+fn made_and_changed(file: &Path) -> Scene {
     let square = |material| Mesh {
         name: "square".into(),
         positions: [[-1, 1], [1, 1], [1, -1], [-1, -1]].map(|[x, z]| Vec3::new(x as f32, 0.0, z as f32)).to_vec(),
@@ -107,20 +109,24 @@ fn made_and_changed() -> Scene {
         materials: vec![material],
         ..Mesh::default()
     };
-    let textured = Color { value: Vec3::splat(0.75), texture: Some(0) };
+    let textured = Color { value: Vec3::splat(0.5), texture: Some(0) };
+    let (surface, brdfs) = Surface::load(file, None).unwrap();
     let half = |texel: [f32; 4]| texel.map(half::f16::from_f32);
     let above = Affine3A::from_scale_rotation_translation(Vec3::splat(0.5), Quat::IDENTITY, Vec3::new(0.25, 0.75, 0.0));
     let place = |mesh, object_to_world| Instance { mesh, object_to_world };
+    let mut bent = square(1);
+    bent.positions[0].y = 0.25;
     let mut scene = scene(
-        vec![square(0), square(1)],
-        vec![material("floor", Surface::Diffuse { albedo: textured }), material("metal", conductor(0.25, 0.5))],
+        vec![square(0), bent],
+        vec![material("floor", Surface::Diffuse { albedo: textured }), material("other", surface)],
         Vec3::new(1.0, 2.0, 2.0),
         Vec3::ZERO,
         [64, 48],
     );
+    scene.brdfs = brdfs;
     scene.camera.vertical_fov_degrees = 45.0;
     scene.camera.up = Vec3::Y;
-    scene.instances = vec![place(0, Affine3A::IDENTITY), place(1, above)];
+    scene.instances = vec![place(1, above), place(0, Affine3A::IDENTITY)];
     scene.textures = vec![Texture {
         name: "texture".into(),
         width: 2,
@@ -147,11 +153,21 @@ fn a_host_in_cpp_gets_the_bits_of_rust() {
     let (mut loaded, _) = Scene::load(&file).unwrap();
     loaded.film = Film { width: 64, height: 48 };
     // Of the made one the first of four frames is that of the scene before the changes.
-    for (what, scene, samples) in [(file.as_path(), loaded, 8), (Path::new("made"), made_and_changed(), 6)] {
+    let small = Shape { n_side: 4, features: 4, codes: 60, hidden: &[12, 16, 12], ..Shape::FULL };
+    let materials = [1, 2].map(|seed| {
+        let file = scratch.path().join(format!("{seed}.neubrdf"));
+        std::fs::write(&file, random_neubrdf(small, seed).encode(Precision::F16).unwrap()).unwrap();
+        file
+    });
+    let changed = made_and_changed(&materials[1]);
+    let made = ["made", "made-on-device"].map(|what| (Path::new(what), changed.clone(), 6));
+    for (what, scene, samples) in std::iter::once((file.as_path(), loaded, 8)).chain(made) {
         let pixels = scratch.path().join("pixels.bin");
-        let said = run(Command::new(&program).arg(what).arg(&pixels).arg(LAVAPIPE)).unwrap();
+        let said = run(Command::new(&program).arg(what).arg(&pixels).arg(LAVAPIPE).args(&materials)).unwrap();
         println!("{said}");
         assert!(said.contains("validation messages: 0"), "{said}");
+        let own_memory = what == file.as_path();
+        assert!(own_memory || said.contains("pieces of the engine's memory, 0 left"), "{said}");
         let settings = Settings { max_depth: 5, seed: 3, features: false, ..Settings::default() };
         let expected = bits(&render(&driver.device, &scene, &settings, &Options::default(), samples));
         let bytes = std::fs::read(&pixels).unwrap();

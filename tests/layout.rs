@@ -20,7 +20,9 @@ use rspirv::spirv::{Decoration, ExecutionModel, Op, StorageClass, Word};
 const SHARED: &[&[StructLayout]] = &[
     common::bsdf_structs::BSDF_TEST_STRUCTS,
     common::gpu_structs::GPU_TEST_STRUCTS,
-    neubrdf::render::GEOMETRY_STRUCTS,
+    neubrdf::render::GATHER_STRUCTS,
+    neubrdf::render::INSTANCE_STRUCTS,
+    neubrdf::render::MESH_STRUCTS,
     neubrdf::render::MATERIAL_STRUCTS,
     neubrdf::render::NEUBRDF_STRUCTS,
     neubrdf::render::BRDF_STRUCTS,

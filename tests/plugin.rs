@@ -3,100 +3,23 @@
 #![allow(unsafe_code)] // the host here speaks Vulkan itself
 
 mod common;
+#[path = "common/frames.rs"]
+mod frames;
 #[path = "common/host.rs"]
 mod host;
 
 use std::sync::Arc;
 
 use ash::vk;
+use common::random_neubrdf::{Shape, random_neubrdf};
+use frames::{Bits, alone, bits, expected, frame, options, options_of, picture_of, renderer, scene, submit, wait};
 use glam::{Affine3A, Quat, Vec3};
-use host::{Host, HostMemory, Recording, in_every_host, in_lavapipe_hosts};
-use neubrdf::gpu::{self, Commands, Device, HostBuffer, HostImage};
+use host::{HostMemory, Recording, in_every_host, in_lavapipe_hosts};
+use neubrdf::gpu::{self, Commands, HostBuffer, HostImage};
 use neubrdf::image::{Samples, plane, tone_map};
-use neubrdf::plugin::{Change, Channel, Error, Frame, Options, PixelFormat, Renderer, Status, Target};
-use neubrdf::render::{self, Features, Sampler, Settings, Traversal};
-use neubrdf::scene::{Camera, Environment, Film, Instance, Lens, Material, Scene, Sun, Surface};
-
-/// Four bytes of a float a channel, RGBA.
-type Bits = Vec<[u32; 4]>;
-
-fn options() -> Options {
-    let settings = Settings { max_depth: 4, seed: 7, features: false, ..Settings::default() };
-    Options { settings, pool_paths: Some(2000), ..Options::default() }
-}
-
-/// Ray query where the host has it: the plugin's own choice is the BVH on CPU drivers.
-fn options_of(host: &Host) -> Options {
-    let traversal = if host.ray_query { Traversal::RayQuery } else { Traversal::Bvh };
-    Options { traversal: Some(traversal), ..options() }
-}
-
-fn scene() -> Scene {
-    common::still_life(common::conductor(0.8, 0.3))
-}
-
-fn renderer(host: &Host, device: &Arc<Device>, scene: Scene) -> Renderer {
-    Renderer::new(device, scene, &options_of(host)).unwrap()
-}
-
-fn bits(bytes: &[u8]) -> Bits {
-    let words: Vec<u32> = bytes.chunks_exact(4).map(|word| u32::from_le_bytes(word.try_into().unwrap())).collect();
-    words.as_chunks().0.to_vec()
-}
-
-/// A frame that was submitted, with the buffer that it is written to in linear floats.
-struct InFlight {
-    recording: Recording,
-    buffer: HostMemory,
-    ticket: u64,
-}
-
-/// Records a frame into a command buffer of its own, and submits it.
-fn submit(host: &Host, device: &Arc<Device>, renderer: &mut Renderer, samples: u32) -> InFlight {
-    let [width, height] = renderer.size();
-    let buffer = host.buffer(u64::from(width) * u64::from(height) * 16);
-    let recording = host.begin();
-    let mut commands = host.wrap(device, &recording);
-    let targets = [Target::buffer(buffer.target(), PixelFormat::Rgba32Float)];
-    let ticket = renderer.record(&mut commands, &Frame { samples, targets: &targets, estimates_error: true }).unwrap();
-    commands.finish().unwrap();
-    host.to_host(&recording);
-    host.submit(&recording);
-    InFlight { recording, buffer, ticket }
-}
-
-/// Waits for a frame: its picture, and what it left.
-fn wait(host: &Host, renderer: &mut Renderer, frame: InFlight) -> (Bits, Status) {
-    host.wait(frame.recording);
-    let status = renderer.complete(frame.ticket).unwrap();
-    let picture = bits(&frame.buffer.read());
-    host.free_buffer(frame.buffer);
-    (picture, status)
-}
-
-fn frame(host: &Host, device: &Arc<Device>, renderer: &mut Renderer, samples: u32) -> (Bits, Status) {
-    let submitted = submit(host, device, renderer, samples);
-    wait(host, renderer, submitted)
-}
-
-/// The path tracer on its own, on the same device.
-fn alone(host: &Host, scene: &Scene) -> render::Renderer {
-    let Options { settings, traversal, pool_paths, .. } = options_of(host);
-    let choices = render::Options { traversal, pool_paths };
-    render::Renderer::new(&host.lend_with_queue(), scene, &settings, &choices).unwrap()
-}
-
-fn picture_of(renderer: &render::Renderer) -> Bits {
-    let one = 1f32.to_bits();
-    common::bits(&renderer.picture().unwrap().0).into_iter().map(|[r, g, b]| [r, g, b, one]).collect()
-}
-
-/// What the path tracer on its own makes of a scene.
-fn expected(host: &Host, scene: &Scene, samples: u32) -> Bits {
-    let mut renderer = alone(host, scene);
-    renderer.render_pass(samples).unwrap();
-    picture_of(&renderer)
-}
+use neubrdf::plugin::{Change, Channel, Error, Frame, Options, PixelFormat, Renderer, Target};
+use neubrdf::render::{self, Features, Sampler, Settings};
+use neubrdf::scene::{Brdf, Camera, Environment, Film, Instance, Lens, Material, Scene, Sun, Surface};
 
 /// The view from another side.
 fn orbit(scene: &Scene, degrees: f32) -> Change {
@@ -278,6 +201,7 @@ fn apply(scene: &mut Scene, change: &Change) {
         }
         Change::Instances(instances) => scene.instances = instances,
         Change::Material { index, material } => scene.materials[index as usize] = material,
+        change @ (Change::Brdf { .. } | Change::Deform { .. }) => panic!("{change:?}"),
         Change::Environment(environment) => scene.environment = environment,
         Change::Sun(sun) => scene.sun = sun,
     }
@@ -329,6 +253,43 @@ fn what_was_reserved_may_come_and_go() {
         assert!(mean(&frame(host, &device, &mut renderer, 4).0) == 0.0);
         renderer.update(&[Change::Sun(Some(sun))]).unwrap();
         assert!(mean(&frame(host, &device, &mut renderer, 4).0) > 0.01);
+    });
+}
+
+/// A scene whose ball and floor have NeuBRDFs, and others to come.
+#[test]
+fn brdfs_of_files_may_come_while_it_renders() {
+    in_lavapipe_hosts(|host| {
+        let device = host.lend();
+        let small = Shape { n_side: 4, features: 4, codes: 60, hidden: &[12, 16, 12], ..Shape::FULL };
+        let model = |shape, seed| Arc::new(Brdf::NeuBrdf(Box::new(random_neubrdf(shape, seed))));
+        let mut now = scene();
+        now.brdfs = vec![model(small, 1), model(small, 2)];
+        now.materials[0].surface = Surface::Measured { brdf: 0 };
+        now.materials[1].surface = Surface::Measured { brdf: 1 };
+        let reserve = Features { neubrdf_queues: 3, ..Features::NONE };
+        let mut renderer = Renderer::new(&device, now.clone(), &Options { reserve, ..options_of(host) }).unwrap();
+        frame(host, &device, &mut renderer, 1);
+
+        now.brdfs[0] = model(small, 3);
+        renderer.update(&[Change::Brdf { index: 0, brdf: now.brdfs[0].clone() }]).unwrap();
+        assert!(frame(host, &device, &mut renderer, 2).0 == expected(host, &now, 2), "in the place of another");
+
+        now.brdfs.push(model(small, 4));
+        now.materials[1].surface = Surface::Measured { brdf: 2 };
+        let material = now.materials[1].clone();
+        let added = [Change::Brdf { index: 2, brdf: now.brdfs[2].clone() }, Change::Material { index: 1, material }];
+        renderer.update(&added).unwrap();
+        assert!(frame(host, &device, &mut renderer, 2).0 == expected(host, &now, 2), "after the last");
+
+        let wide = Shape { hidden: &[32, 16, 12], ..small };
+        for (index, brdf, says) in
+            [(0, model(wide, 5), "wider"), (3, model(small, 5), "so many"), (7, model(small, 5), "at most 3")]
+        {
+            let error = renderer.update(&[Change::Brdf { index, brdf }]).unwrap_err();
+            assert!(error.to_string().contains(says), "{says}: {error}");
+        }
+        assert_eq!(*renderer.scene(), now);
     });
 }
 

@@ -82,7 +82,7 @@ impl From<plugin::Error> for Failure {
     fn from(error: plugin::Error) -> Failure {
         let result = match error {
             plugin::Error::Gpu(error) => return error.into(),
-            plugin::Error::Scene(_) => NeubrdfResult::Scene,
+            plugin::Error::Scene(_) | plugin::Error::HostMesh { .. } => NeubrdfResult::Scene,
             plugin::Error::NewRenderer { .. } => NeubrdfResult::NewRenderer,
             plugin::Error::FramesInFlight { .. } => NeubrdfResult::FramesInFlight,
             plugin::Error::Render(_) => NeubrdfResult::Settings,

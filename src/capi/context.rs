@@ -1,11 +1,13 @@
 //! What a host must enable, and the device that it lends.
 
-use std::ffi::{CString, c_char};
+use std::ffi::{CString, c_char, c_void};
 use std::sync::Arc;
 
 use super::call::{Failure, NeubrdfResult, call, end, hand_over, object, read, sized_structs};
 use super::vulkan::*;
-use crate::gpu::{Additions, Device, HostDevice, Requirements, requirements};
+use crate::gpu::{
+    Additions, Device, HostAllocator, HostDevice, HostMemory, Memory, MemoryRequest, Requirements, requirements,
+};
 
 /// What a physical device is to be opened with.
 pub struct NeubrdfRequirements {
@@ -36,6 +38,121 @@ pub struct NeubrdfHost {
     pub ray_query: u32,
     /// Not 0 if the instance has VK_EXT_debug_utils: our passes and objects then have names in captures.
     pub debug_utils: u32,
+    /// Gives the memory of our buffers; null is an allocator of our own. Called from any thread that makes or ends objects, or changes a
+    /// renderer's scene, and from none in a frame. Returns 0 and fills `memory`, or anything else where no memory is left.
+    pub allocate: Option<
+        unsafe extern "C" fn(
+            user: *mut c_void,
+            request: *const NeubrdfMemoryRequest,
+            memory: *mut NeubrdfMemory,
+        ) -> i32,
+    >,
+    /// Takes it back: the buffer is gone.
+    pub free: Option<unsafe extern "C" fn(user: *mut c_void, memory: *const NeubrdfMemory)>,
+    /// The host's own, for these two.
+    pub user: *mut c_void,
+}
+
+/// What memory is for.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum NeubrdfMemoryUse {
+    /// The device reads and writes it.
+    Device = 0,
+    /// The CPU writes, the device reads: mapped, coherent.
+    Upload = 1,
+    /// The device writes, the CPU reads: mapped, coherent, better cached.
+    Readback = 2,
+}
+
+/// Memory that a buffer asks for, from one VkDeviceMemory made with VK_MEMORY_ALLOCATE_DEVICE_ADDRESS_BIT.
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct NeubrdfMemoryRequest {
+    /// sizeof(NeubrdfMemoryRequest), as this library has it.
+    pub size: u32,
+    /// A NeubrdfMemoryUse.
+    pub memory_use: u32,
+    /// Bytes.
+    pub bytes: u64,
+    /// The offset is a multiple of it.
+    pub alignment: u64,
+    /// Bit i: memory type i will do.
+    pub memory_type_bits: u32,
+    /// Nothing.
+    pub reserved: u32,
+    /// What the buffer is called; valid during the call.
+    pub name: *const c_char,
+}
+
+/// A piece of the host's memory.
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct NeubrdfMemory {
+    /// What it is a piece of.
+    pub memory: VkDeviceMemory,
+    /// Where it begins.
+    pub offset: u64,
+    /// Where the CPU sees it, from its beginning on; null where it does not.
+    pub mapped: *mut c_void,
+    /// VkMemoryPropertyFlags of its type.
+    pub properties: u32,
+    /// Nothing.
+    pub reserved: u32,
+    /// The host's own.
+    pub handle: *mut c_void,
+}
+
+/// A host's functions.
+struct Callbacks {
+    allocate: unsafe extern "C" fn(*mut c_void, *const NeubrdfMemoryRequest, *mut NeubrdfMemory) -> i32,
+    free: unsafe extern "C" fn(*mut c_void, *const NeubrdfMemory),
+    user: *mut c_void,
+}
+
+// SAFETY: the header says that they are called from several threads.
+unsafe impl Send for Callbacks {}
+// SAFETY: as above.
+unsafe impl Sync for Callbacks {}
+
+// SAFETY: the host's functions do what the header says.
+unsafe impl HostAllocator for Callbacks {
+    fn allocate(&self, request: &MemoryRequest) -> Option<HostMemory> {
+        let name = CString::new(request.name).unwrap_or_default();
+        let request = NeubrdfMemoryRequest {
+            size: size_of::<NeubrdfMemoryRequest>() as u32,
+            memory_use: match request.memory {
+                Memory::Device => NeubrdfMemoryUse::Device,
+                Memory::Upload => NeubrdfMemoryUse::Upload,
+                Memory::Readback => NeubrdfMemoryUse::Readback,
+            } as u32,
+            bytes: request.size,
+            alignment: request.alignment,
+            memory_type_bits: request.memory_type_bits,
+            reserved: 0,
+            name: name.as_ptr(),
+        };
+        let mut memory = NeubrdfMemory {
+            memory: VkDeviceMemory::null(),
+            offset: 0,
+            mapped: std::ptr::null_mut(),
+            properties: 0,
+            reserved: 0,
+            handle: std::ptr::null_mut(),
+        };
+        // SAFETY: as the header says; both pointers are valid during the call.
+        let result = unsafe { (self.allocate)(self.user, &raw const request, &raw mut memory) };
+        let NeubrdfMemory { memory, offset, mapped, properties, handle, .. } = memory;
+        let properties = VkMemoryPropertyFlags::from_raw(properties);
+        (result == 0).then_some(HostMemory { memory, offset, mapped, properties, handle })
+    }
+
+    fn free(&self, memory: HostMemory) {
+        let HostMemory { memory, offset, mapped, properties, handle } = memory;
+        let memory = NeubrdfMemory { memory, offset, mapped, properties: properties.as_raw(), reserved: 0, handle };
+        // SAFETY: as above.
+        unsafe { (self.free)(self.user, &raw const memory) };
+    }
 }
 
 sized_structs! { NeubrdfHost: 56 }
@@ -141,7 +258,12 @@ pub unsafe extern "C" fn neubrdf_context_create(
         let Some(get_instance_proc_addr) = host.get_instance_proc_addr else {
             return Err(Failure::argument("NeubrdfHost.get_instance_proc_addr is null"));
         };
-        let NeubrdfHost { instance, physical_device, device, queue_family, .. } = host;
+        let NeubrdfHost { instance, physical_device, device, queue_family, user, .. } = host;
+        let host_allocator: Option<Arc<dyn HostAllocator>> = match (host.allocate, host.free) {
+            (Some(allocate), Some(free)) => Some(Arc::new(Callbacks { allocate, free, user })),
+            (None, None) => None,
+            _ => return Err(Failure::argument("NeubrdfHost.allocate without .free, or .free without .allocate")),
+        };
         // SAFETY: as the caller says.
         unsafe {
             let lent = HostDevice::load(get_instance_proc_addr, instance, physical_device, device, queue_family);
@@ -149,6 +271,7 @@ pub unsafe extern "C" fn neubrdf_context_create(
                 ray_query: host.ray_query != 0,
                 debug_utils: host.debug_utils != 0,
                 pipeline_cache: host.pipeline_cache,
+                host_allocator,
                 ..lent
             })?;
             hand_over(context, NeubrdfContext { device })

@@ -158,6 +158,34 @@ typedef enum NeubrdfReserve {
    * Coated materials.
    */
   NEUBRDF_RESERVE_COATED = 2048,
+  /**
+   * NBRDF networks.
+   */
+  NEUBRDF_RESERVE_NBRDF = 4096,
+  /**
+   * NeuBRDFs, no larger than the largest that the scene has a material of, on a mesh or not.
+   */
+  NEUBRDF_RESERVE_NEUBRDF = 8192,
+  /**
+   * Layered materials.
+   */
+  NEUBRDF_RESERVE_LAYERED = 16384,
+  /**
+   * Woven materials.
+   */
+  NEUBRDF_RESERVE_WOVEN = 32768,
+  /**
+   * MERL's measurements.
+   */
+  NEUBRDF_RESERVE_MERL = 65536,
+  /**
+   * RGL's measurements.
+   */
+  NEUBRDF_RESERVE_RGL = 131072,
+  /**
+   * Sparse samples.
+   */
+  NEUBRDF_RESERVE_SPARSE = 262144,
 } NeubrdfReserve;
 
 /**
@@ -205,6 +233,39 @@ typedef enum NeubrdfChannel {
 } NeubrdfChannel;
 
 /**
+ * How a structure over triangles or instances follows what moved.
+ */
+typedef enum NeubrdfUpdate {
+  /**
+   * It is built anew.
+   */
+  NEUBRDF_UPDATE_REBUILD = 0,
+  /**
+   * Its boxes are fitted anew: faster, but rays take the longer, the farther things moved since the last rebuild. The first refit is a
+   * rebuild, of something that can be refitted.
+   */
+  NEUBRDF_UPDATE_REFIT = 1,
+} NeubrdfUpdate;
+
+/**
+ * What memory is for.
+ */
+typedef enum NeubrdfMemoryUse {
+  /**
+   * The device reads and writes it.
+   */
+  NEUBRDF_MEMORY_USE_DEVICE = 0,
+  /**
+   * The CPU writes, the device reads: mapped, coherent.
+   */
+  NEUBRDF_MEMORY_USE_UPLOAD = 1,
+  /**
+   * The device writes, the CPU reads: mapped, coherent, better cached.
+   */
+  NEUBRDF_MEMORY_USE_READBACK = 2,
+} NeubrdfMemoryUse;
+
+/**
  * A device lent to us.
  */
 typedef struct NeubrdfContext NeubrdfContext;
@@ -223,6 +284,70 @@ typedef struct NeubrdfRequirements NeubrdfRequirements;
  * What is rendered. Renderers take a copy.
  */
 typedef struct NeubrdfScene NeubrdfScene;
+
+/**
+ * Memory that a buffer asks for, from one VkDeviceMemory made with VK_MEMORY_ALLOCATE_DEVICE_ADDRESS_BIT.
+ */
+typedef struct NeubrdfMemoryRequest {
+  /**
+   * sizeof(NeubrdfMemoryRequest), as this library has it.
+   */
+  uint32_t size;
+  /**
+   * A NeubrdfMemoryUse.
+   */
+  uint32_t memory_use;
+  /**
+   * Bytes.
+   */
+  uint64_t bytes;
+  /**
+   * The offset is a multiple of it.
+   */
+  uint64_t alignment;
+  /**
+   * Bit i: memory type i will do.
+   */
+  uint32_t memory_type_bits;
+  /**
+   * Nothing.
+   */
+  uint32_t reserved;
+  /**
+   * What the buffer is called; valid during the call.
+   */
+  const char *name;
+} NeubrdfMemoryRequest;
+
+/**
+ * A piece of the host's memory.
+ */
+typedef struct NeubrdfMemory {
+  /**
+   * What it is a piece of.
+   */
+  VkDeviceMemory memory;
+  /**
+   * Where it begins.
+   */
+  uint64_t offset;
+  /**
+   * Where the CPU sees it, from its beginning on; null where it does not.
+   */
+  void *mapped;
+  /**
+   * VkMemoryPropertyFlags of its type.
+   */
+  uint32_t properties;
+  /**
+   * Nothing.
+   */
+  uint32_t reserved;
+  /**
+   * The host's own.
+   */
+  void *handle;
+} NeubrdfMemory;
 
 /**
  * A host's device. Nothing of it is ever destroyed, submitted to or waited for.
@@ -264,6 +389,19 @@ typedef struct NeubrdfHost {
    * Not 0 if the instance has VK_EXT_debug_utils: our passes and objects then have names in captures.
    */
   uint32_t debug_utils;
+  /**
+   * Gives the memory of our buffers; null is an allocator of our own. Called from any thread that makes or ends objects, or changes a
+   * renderer's scene, and from none in a frame. Returns 0 and fills `memory`, or anything else where no memory is left.
+   */
+  int32_t (*allocate)(void *user, const struct NeubrdfMemoryRequest *request, struct NeubrdfMemory *memory);
+  /**
+   * Takes it back: the buffer is gone.
+   */
+  void (*free)(void *user, const struct NeubrdfMemory *memory);
+  /**
+   * The host's own, for these two.
+   */
+  void *user;
 } NeubrdfHost;
 
 /**
@@ -389,6 +527,74 @@ typedef struct NeubrdfMesh {
 } NeubrdfMesh;
 
 /**
+ * Triangles that the host has on the device. Addresses are those of vkGetBufferDeviceAddress plus the offset of the first vertex or index,
+ * from buffers made with VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT. The first recording of a renderer reads them, in the stage
+ * COMPUTE_SHADER with SHADER_READ, and copies them on the device: what wrote them is done for that, and what writes them afterwards waits for it.
+ */
+typedef struct NeubrdfDeviceMesh {
+  /**
+   * sizeof(NeubrdfDeviceMesh).
+   */
+  uint32_t size;
+  /**
+   * How many vertices there are.
+   */
+  uint32_t vertex_count;
+  /**
+   * x, y, z of each vertex, f32.
+   */
+  VkDeviceAddress positions;
+  /**
+   * Unit normals, x, y, z of each vertex; 0 for a flat mesh.
+   */
+  VkDeviceAddress normals;
+  /**
+   * u, v of each vertex, v up; 0 for none.
+   */
+  VkDeviceAddress uvs;
+  /**
+   * Three vertices a triangle, counter-clockwise seen from the front. Words are read whole: of 16 bits the buffer has an even number.
+   */
+  VkDeviceAddress indices;
+  /**
+   * Bytes from a vertex's position to the next one's; 0 is 12.
+   */
+  uint32_t position_stride;
+  /**
+   * The same of normals; 0 is 12.
+   */
+  uint32_t normal_stride;
+  /**
+   * The same of texture coordinates; 0 is 8.
+   */
+  uint32_t uv_stride;
+  /**
+   * VK_INDEX_TYPE_UINT16 or VK_INDEX_TYPE_UINT32.
+   */
+  VkIndexType index_type;
+  /**
+   * How many triangles there are.
+   */
+  uint32_t triangle_count;
+  /**
+   * The material of all triangles, where `materials` is null.
+   */
+  uint32_t material;
+  /**
+   * The material of each triangle, in the CPU's memory, copied; null if `material` is that of all.
+   */
+  const uint32_t *materials;
+  /**
+   * Lower corner of a box around the vertices.
+   */
+  float lower[3];
+  /**
+   * Its upper corner.
+   */
+  float upper[3];
+} NeubrdfDeviceMesh;
+
+/**
  * What a host may choose; all of it may be 0.
  */
 typedef struct NeubrdfOptions {
@@ -432,6 +638,10 @@ typedef struct NeubrdfOptions {
    * The part of the film to render, as x, y, width, height; a width of 0 is all of it.
    */
   uint32_t crop[4];
+  /**
+   * NeuBRDFs that there may be, if those are more than the scene has.
+   */
+  uint32_t neubrdf_count;
 } NeubrdfOptions;
 
 /**
@@ -536,6 +746,56 @@ typedef struct NeubrdfStatus {
    */
   uint32_t reserved;
 } NeubrdfStatus;
+
+/**
+ * Vertices of a mesh that lie elsewhere, on the CPU, on the device, or on both.
+ */
+typedef struct NeubrdfDeformation {
+  /**
+   * sizeof(NeubrdfDeformation).
+   */
+  uint32_t size;
+  /**
+   * A NeubrdfUpdate: how what finds the mesh's triangles follows.
+   */
+  uint32_t by;
+  /**
+   * How many vertices there are: as many as at first.
+   */
+  uint32_t vertex_count;
+  /**
+   * Bytes from a position on the device to the next; 0 is 12.
+   */
+  uint32_t position_stride;
+  /**
+   * x, y, z of each vertex, copied; null for a mesh that only the device has.
+   */
+  const float *positions;
+  /**
+   * Unit normals, copied; null for a flat mesh, and for one that only the device has.
+   */
+  const float *normals;
+  /**
+   * Where the device reads the positions, in the next frame, as of a NeubrdfDeviceMesh; 0 uploads those above.
+   */
+  VkDeviceAddress device_positions;
+  /**
+   * Where it then reads the normals; 0 for a flat mesh.
+   */
+  VkDeviceAddress device_normals;
+  /**
+   * Bytes from a normal on the device to the next; 0 is 12.
+   */
+  uint32_t normal_stride;
+  /**
+   * Lower corner of a box around the vertices of a mesh that only the device has.
+   */
+  float lower[3];
+  /**
+   * Its upper corner.
+   */
+  float upper[3];
+} NeubrdfDeformation;
 
 #ifdef __cplusplus
 extern "C" {
@@ -721,6 +981,19 @@ enum NeubrdfResult neubrdf_scene_set_environment(struct NeubrdfScene *scene,
 enum NeubrdfResult neubrdf_scene_set_sun(struct NeubrdfScene *scene, const float *direction, const float *irradiance);
 
 /**
+ * Adds a mesh that the device has. `arrays`, if not null, are the same vertices and triangles on the CPU, copied: the BVH and triangles that
+ * emit need them, and the materials are then theirs. Without them rays find it by ray query alone.
+ *
+ * The buffers are of the device of every context that a renderer of this scene is made on, belong to the queue's family or are shared, have as
+ * many vertices and triangles, of finite numbers, and live until that renderer's first recording is done. `arrays` is null or as of
+ * `neubrdf_scene_add_mesh`; `index` is null or points to room for a number.
+ */
+enum NeubrdfResult neubrdf_scene_add_device_mesh(struct NeubrdfScene *scene,
+                                                 const struct NeubrdfDeviceMesh *mesh,
+                                                 const struct NeubrdfMesh *arrays,
+                                                 uint32_t *index);
+
+/**
  * Makes a renderer: trees and tables on the CPU, kernels, memory. Nothing is submitted. It takes as long as the driver compiles, and may
  * be called on any thread. `options` may be null.
  *
@@ -810,8 +1083,15 @@ enum NeubrdfResult neubrdf_renderer_resize(struct NeubrdfRenderer *renderer, uin
 enum NeubrdfResult neubrdf_renderer_set_camera(struct NeubrdfRenderer *renderer, const struct NeubrdfCamera *camera);
 
 /**
+ * How the top level over all instances follows changes from now on: a NeubrdfUpdate; at first it is rebuilt each time.
+ *
+ * The object is alive.
+ */
+enum NeubrdfResult neubrdf_renderer_set_top_level(struct NeubrdfRenderer *renderer, uint32_t by);
+
+/**
  * Moves `count` instances, from the next frame on: the indices, and twelve floats for each, the upper three rows of its matrix. The top level
- * over all instances is rebuilt, once.
+ * over all instances follows, once.
  *
  * The arrays have these lengths.
  */
@@ -821,6 +1101,26 @@ enum NeubrdfResult neubrdf_renderer_set_transforms(struct NeubrdfRenderer *rende
                                                    uint32_t count);
 
 /**
+ * Other instances, `count` of them, at least one, from the next frame on: the mesh of each, and twelve floats, the upper three rows of its
+ * matrix. The top level over all instances is rebuilt where they are more, fewer or of other meshes.
+ *
+ * The arrays have these lengths.
+ */
+enum NeubrdfResult neubrdf_renderer_set_instances(struct NeubrdfRenderer *renderer,
+                                                  const uint32_t *meshes,
+                                                  const float *object_to_world,
+                                                  uint32_t count);
+
+/**
+ * Another shape of a mesh, from the next frame on: its vertices lie elsewhere, its triangles connect the same ones.
+ *
+ * The arrays have these lengths; the vertices on the device are as of `neubrdf_scene_add_device_mesh`.
+ */
+enum NeubrdfResult neubrdf_renderer_deform(struct NeubrdfRenderer *renderer,
+                                           uint32_t mesh,
+                                           const struct NeubrdfDeformation *deformation);
+
+/**
  * Another material, from the next frame on.
  *
  * Both are alive.
@@ -828,6 +1128,17 @@ enum NeubrdfResult neubrdf_renderer_set_transforms(struct NeubrdfRenderer *rende
 enum NeubrdfResult neubrdf_renderer_set_material(struct NeubrdfRenderer *renderer,
                                                  uint32_t index,
                                                  const struct NeubrdfMaterial *material);
+
+/**
+ * Another material, from the next frame on, of a file as of `neubrdf_scene_add_material_file`; it does not emit. The file's BRDF takes the
+ * place of the material's own, if that has one that no other has.
+ *
+ * `file` is a C string, `name` one or null; the renderer is alive.
+ */
+enum NeubrdfResult neubrdf_renderer_set_material_file(struct NeubrdfRenderer *renderer,
+                                                      uint32_t index,
+                                                      const char *file,
+                                                      const char *name);
 
 /**
  * Another sky, from the next frame on: as of `neubrdf_scene_set_environment`.

@@ -2,21 +2,19 @@
 
 use std::sync::Arc;
 
-use super::call::{
-    Failure, NeubrdfResult, array, call, end, hand_over, object, put, read, shared, sized_structs, write,
-};
+use super::call::{Failure, NeubrdfResult, call, end, hand_over, object, put, read, shared, sized_structs, write};
 use super::context::NeubrdfContext;
-use super::scene::{NeubrdfCamera, NeubrdfMaterial, NeubrdfScene, environment, sun, transform};
+use super::scene::NeubrdfScene;
 use super::vulkan::*;
 use crate::gpu::{Commands, Device, HostBuffer, HostImage};
 use crate::image::Crop;
-use crate::plugin::{Change, Channel, Frame, Options, PixelFormat, Place, Renderer, Target};
+use crate::plugin::{Channel, Frame, Options, PixelFormat, Place, Renderer, Target};
 use crate::render::{Family, Features, Sampler, Settings, Traversal};
 
 /// A progressive render of one scene.
 pub struct NeubrdfRenderer {
     device: Arc<Device>,
-    renderer: Renderer,
+    pub(super) renderer: Renderer,
 }
 
 /// How rays find triangles.
@@ -65,6 +63,20 @@ pub enum NeubrdfReserve {
     Dielectric = 1024,
     /// Coated materials.
     Coated = 2048,
+    /// NBRDF networks.
+    Nbrdf = 4096,
+    /// NeuBRDFs, no larger than the largest that the scene has a material of, on a mesh or not.
+    Neubrdf = 8192,
+    /// Layered materials.
+    Layered = 16384,
+    /// Woven materials.
+    Woven = 32768,
+    /// MERL's measurements.
+    Merl = 65536,
+    /// RGL's measurements.
+    Rgl = 131072,
+    /// Sparse samples.
+    Sparse = 262144,
 }
 
 /// What a host may choose; all of it may be 0.
@@ -91,6 +103,8 @@ pub struct NeubrdfOptions {
     pub reserve: u32,
     /// The part of the film to render, as x, y, width, height; a width of 0 is all of it.
     pub crop: [u32; 4],
+    /// NeuBRDFs that there may be, if those are more than the scene has.
+    pub neubrdf_count: u32,
 }
 
 /// How pixels are written. Rows run from the top, without gaps.
@@ -224,9 +238,16 @@ impl NeubrdfOptions {
             (NeubrdfReserve::Conductor, Family::Conductor),
             (NeubrdfReserve::Dielectric, Family::Dielectric),
             (NeubrdfReserve::Coated, Family::Coated),
+            (NeubrdfReserve::Nbrdf, Family::Nbrdf),
+            (NeubrdfReserve::Neubrdf, Family::NeuBrdf),
+            (NeubrdfReserve::Layered, Family::Layered),
+            (NeubrdfReserve::Woven, Family::Woven),
+            (NeubrdfReserve::Merl, Family::Merl),
+            (NeubrdfReserve::Rgl, Family::Rgl),
+            (NeubrdfReserve::Sparse, Family::Sparse),
         ];
         let has = |bit: NeubrdfReserve| self.reserve & bit as u32 != 0;
-        if self.reserve & !0xf3f != 0 {
+        if self.reserve & !0x7_ff3f != 0 {
             return Err(Failure::argument(format!(
                 "NeubrdfOptions.reserve is {:#x}: bits of NeubrdfReserve",
                 self.reserve
@@ -241,7 +262,7 @@ impl NeubrdfOptions {
             lens: has(NeubrdfReserve::Lens),
             instanced: has(NeubrdfReserve::Instances),
             textures: has(NeubrdfReserve::Textures),
-            ..Features::NONE
+            neubrdf_queues: self.neubrdf_count.clamp(1, Features::MOST_NEUBRDF_QUEUES),
         })
     }
 }
@@ -307,7 +328,7 @@ pub unsafe extern "C" fn neubrdf_renderer_create(
             // SAFETY: as the caller says.
             false => unsafe { read(options)? }.options()?,
         };
-        let made = Renderer::new(&context.device, scene.scene.clone(), &options)?;
+        let made = Renderer::with_host_meshes(&context.device, scene.scene.clone(), &scene.host_meshes, &options)?;
         // SAFETY: as the caller says.
         unsafe { hand_over(renderer, NeubrdfRenderer { device: context.device.clone(), renderer: made }) }
     })
@@ -484,104 +505,4 @@ pub unsafe extern "C" fn neubrdf_renderer_resize(
 ) -> NeubrdfResult {
     // SAFETY: as the caller says.
     call(|| Ok(unsafe { object(renderer, "renderer")? }.renderer.resize(width, height)?))
-}
-
-/// Makes changes, all or, on an error, none.
-///
-/// # Safety
-/// The object is alive.
-unsafe fn update(renderer: *mut NeubrdfRenderer, changes: &[Change]) -> Result<(), Failure> {
-    // SAFETY: as the caller says.
-    Ok(unsafe { object(renderer, "renderer")? }.renderer.update(changes)?)
-}
-
-/// Another view, from the next frame on.
-///
-/// # Safety
-/// Both are alive.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn neubrdf_renderer_set_camera(
-    renderer: *mut NeubrdfRenderer,
-    camera: *const NeubrdfCamera,
-) -> NeubrdfResult {
-    // SAFETY: as the caller says.
-    call(|| unsafe { update(renderer, &[Change::Camera(read(camera)?.camera())]) })
-}
-
-/// Moves `count` instances, from the next frame on: the indices, and twelve floats for each, the upper three rows of its matrix. The top level
-/// over all instances is rebuilt, once.
-///
-/// # Safety
-/// The arrays have these lengths.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn neubrdf_renderer_set_transforms(
-    renderer: *mut NeubrdfRenderer,
-    instances: *const u32,
-    object_to_world: *const f32,
-    count: u32,
-) -> NeubrdfResult {
-    call(|| {
-        // SAFETY: as the caller says.
-        let (instances, rows) = unsafe {
-            let rows: &[[f32; 12]] = array(object_to_world.cast(), count as usize, "object_to_world")?;
-            (array(instances, count as usize, "instances")?, rows)
-        };
-        let moved = instances.iter().zip(rows);
-        let changes: Vec<Change> = moved
-            .map(|(instance, rows)| Change::Transform { instance: *instance, object_to_world: transform(rows) })
-            .collect();
-        // SAFETY: as the caller says.
-        unsafe { update(renderer, &changes) }
-    })
-}
-
-/// Another material, from the next frame on.
-///
-/// # Safety
-/// Both are alive.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn neubrdf_renderer_set_material(
-    renderer: *mut NeubrdfRenderer,
-    index: u32,
-    material: *const NeubrdfMaterial,
-) -> NeubrdfResult {
-    call(|| {
-        // SAFETY: as the caller says.
-        unsafe {
-            let material = read(material)?.material(format!("material {index}"))?;
-            update(renderer, &[Change::Material { index, material }])
-        }
-    })
-}
-
-/// Another sky, from the next frame on: as of `neubrdf_scene_set_environment`.
-///
-/// # Safety
-/// `texels` is null or points to 3 · width · height floats.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn neubrdf_renderer_set_environment(
-    renderer: *mut NeubrdfRenderer,
-    width: u32,
-    height: u32,
-    texels: *const f32,
-    rotation_degrees: f32,
-) -> NeubrdfResult {
-    call(|| {
-        // SAFETY: as the caller says.
-        unsafe { update(renderer, &[Change::Environment(environment(width, height, texels, rotation_degrees)?)]) }
-    })
-}
-
-/// Another sun, from the next frame on: as of `neubrdf_scene_set_sun`.
-///
-/// # Safety
-/// Each is null or points to three floats.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn neubrdf_renderer_set_sun(
-    renderer: *mut NeubrdfRenderer,
-    direction: *const f32,
-    irradiance: *const f32,
-) -> NeubrdfResult {
-    // SAFETY: as the caller says.
-    call(|| unsafe { update(renderer, &[Change::Sun(sun(direction, irradiance)?)]) })
 }

@@ -6,6 +6,7 @@ use glam::{Affine3A, Mat3, Vec2, Vec3};
 use half::f16;
 
 use super::call::{Failure, NeubrdfResult, array, call, end, hand_over, object, path, put, read, sized_structs, text};
+use crate::gpu::HostMesh;
 use crate::scene::{
     Camera, Color, Environment, Film, Fresnel, Instance, Lens, Material, Mesh, Scene, Sun, Surface, Texture, Warning,
 };
@@ -13,6 +14,8 @@ use crate::scene::{
 /// What is rendered. Renderers take a copy.
 pub struct NeubrdfScene {
     pub(super) scene: Scene,
+    /// Meshes from the host's buffers, by their index.
+    pub(super) host_meshes: Vec<(u32, HostMesh)>,
     warnings: Vec<CString>,
 }
 
@@ -116,6 +119,58 @@ impl NeubrdfCamera {
     }
 }
 
+impl NeubrdfMesh {
+    /// A copy of the arrays.
+    ///
+    /// # Safety
+    /// They have the lengths that the mesh says.
+    pub(super) unsafe fn mesh(&self, index: u32) -> Result<Mesh, Failure> {
+        let (vertices, triangles) = (self.vertex_count as usize, self.triangle_count as usize);
+        // SAFETY: as the caller says.
+        unsafe {
+            let corners: &[[u32; 3]] = array(self.indices.cast(), triangles, "NeubrdfMesh.indices")?;
+            Ok(Mesh {
+                name: format!("mesh {index}"),
+                positions: vectors(self.positions, vertices, "NeubrdfMesh.positions")?,
+                normals: vectors(self.normals, unless_null(self.normals, vertices), "NeubrdfMesh.normals")?,
+                uvs: array::<[f32; 2]>(self.uvs.cast(), unless_null(self.uvs, vertices), "NeubrdfMesh.uvs")?
+                    .iter()
+                    .copied()
+                    .map(Vec2::from)
+                    .collect(),
+                triangles: corners.to_vec(),
+                materials: materials(self.material, self.materials, triangles, "NeubrdfMesh.materials")?,
+            })
+        }
+    }
+}
+
+/// The length of an array that may be left away.
+pub(super) fn unless_null(pointer: *const f32, length: usize) -> usize {
+    if pointer.is_null() { 0 } else { length }
+}
+
+/// Vectors of three floats.
+///
+/// # Safety
+/// As of [`array`].
+pub(super) unsafe fn vectors(pointer: *const f32, count: usize, name: &str) -> Result<Vec<Vec3>, Failure> {
+    // SAFETY: as the caller says.
+    Ok(unsafe { array::<[f32; 3]>(pointer.cast(), count, name)? }.iter().copied().map(Vec3::from).collect())
+}
+
+/// One material, or one for each triangle where there is an array of them.
+///
+/// # Safety
+/// As of [`array`].
+pub(super) unsafe fn materials(one: u32, each: *const u32, triangles: usize, name: &str) -> Result<Vec<u32>, Failure> {
+    if each.is_null() {
+        return Ok(vec![one]);
+    }
+    // SAFETY: as the caller says.
+    Ok(unsafe { array(each, triangles, name)? }.to_vec())
+}
+
 impl NeubrdfMaterial {
     pub(super) fn material(&self, name: String) -> Result<Material, Failure> {
         let color = Color { value: self.color.into(), texture: self.texture.checked_sub(1) };
@@ -147,11 +202,11 @@ pub(super) fn transform(rows: &[f32; 12]) -> Affine3A {
 
 fn scene_of(scene: Scene, warnings: Vec<Warning>) -> NeubrdfScene {
     let text = |warning: Warning| CString::new(warning.to_string()).unwrap_or_default();
-    NeubrdfScene { scene, warnings: warnings.into_iter().map(text).collect() }
+    NeubrdfScene { scene, host_meshes: Vec::new(), warnings: warnings.into_iter().map(text).collect() }
 }
 
 /// An index that is the length of a list before something was added.
-fn index_of(length: usize) -> Result<u32, Failure> {
+pub(super) fn index_of(length: usize) -> Result<u32, Failure> {
     u32::try_from(length).map_err(|_| Failure::argument("more than 2³² of a kind"))
 }
 
@@ -351,28 +406,9 @@ pub unsafe extern "C" fn neubrdf_scene_add_mesh(
     call(|| {
         // SAFETY: as the caller says.
         let (scene, mesh) = unsafe { (object(scene, "scene")?, read(mesh)?) };
-        let (vertices, triangles) = (mesh.vertex_count as usize, mesh.triangle_count as usize);
-        let unless_null = |pointer: *const f32| if pointer.is_null() { 0 } else { vertices };
         let added = index_of(scene.scene.meshes.len())?;
         // SAFETY: as the caller says.
-        let mesh = unsafe {
-            let positions: &[[f32; 3]] = array(mesh.positions.cast(), vertices, "NeubrdfMesh.positions")?;
-            let normals: &[[f32; 3]] = array(mesh.normals.cast(), unless_null(mesh.normals), "NeubrdfMesh.normals")?;
-            let uvs: &[[f32; 2]] = array(mesh.uvs.cast(), unless_null(mesh.uvs), "NeubrdfMesh.uvs")?;
-            let corners: &[[u32; 3]] = array(mesh.indices.cast(), triangles, "NeubrdfMesh.indices")?;
-            let materials = match mesh.materials.is_null() {
-                true => vec![mesh.material],
-                false => array(mesh.materials, triangles, "NeubrdfMesh.materials")?.to_vec(),
-            };
-            Mesh {
-                name: format!("mesh {added}"),
-                positions: positions.iter().copied().map(Vec3::from).collect(),
-                normals: normals.iter().copied().map(Vec3::from).collect(),
-                uvs: uvs.iter().copied().map(Vec2::from).collect(),
-                triangles: corners.to_vec(),
-                materials,
-            }
-        };
+        let mesh = unsafe { mesh.mesh(added)? };
         scene.scene.meshes.push(mesh);
         // SAFETY: as the caller says.
         unsafe { put(index, added) };

@@ -22,9 +22,22 @@ pub struct BlasGeometry {
     pub triangle_count: u32,
 }
 
+/// How an acceleration structure, or a tree, follows what it was built over.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Update {
+    /// It is built anew, for how things lie now.
+    #[default]
+    Rebuild,
+    /// Its boxes are fitted anew, and stay around what they were around. That takes less time; rays take more of it, the
+    /// farther things have moved from where they were at the last rebuild.
+    Refit,
+}
+
 /// A bottom-level structure: a mesh.
 pub struct Blas {
     structure: Structure,
+    /// How to bring it up to date.
+    again: Option<Build>,
 }
 
 /// A mesh placed in the world.
@@ -45,8 +58,8 @@ pub struct Tlas {
     pub(super) set: vk::DescriptorSet,
     pool: vk::DescriptorPool,
     structure: Structure,
-    /// How to build it again, and where the instances lie then.
-    rebuild: Option<(Build, Arc<Buffer>)>,
+    /// How to bring it up to date, and where the instances lie then.
+    again: Option<(Build, Arc<Buffer>)>,
     meshes: Vec<Arc<Blas>>,
 }
 
@@ -58,13 +71,29 @@ impl Blas {
     pub fn build(device: &Arc<Device>, geometries: &[BlasGeometry]) -> Result<Arc<Blas>> {
         let (structure, build) = Build::new(device, Input::ofmeshes(geometries), Flags::ALLOW_COMPACTION)?;
         build.run(device)?;
-        Ok(Arc::new(Blas { structure: structure.compact()? }))
+        Ok(Arc::new(Blas { structure: structure.compact()?, again: None }))
     }
 
     /// A structure that is built when its [`Build`] is recorded, and not compacted.
     pub(super) fn later(device: &Arc<Device>, geometries: &[BlasGeometry]) -> Result<(Arc<Blas>, Build)> {
         let (structure, build) = Build::new(device, Input::ofmeshes(geometries), Flags::empty())?;
-        Ok((Arc::new(Blas { structure }), build))
+        Ok((Arc::new(Blas { structure, again: None }), build))
+    }
+
+    /// A structure that is built when [`Commands::update_blas`] is recorded, any number of times; refitted, too, if that is
+    /// how it is to follow.
+    pub(super) fn following(device: &Arc<Device>, geometries: &[BlasGeometry], by: Update) -> Result<Arc<Blas>> {
+        let (structure, build) = Build::new(device, Input::ofmeshes(geometries), by.flags())?;
+        Ok(Arc::new(Blas { structure, again: Some(build) }))
+    }
+
+    /// Whether it can be brought up to date in that way.
+    pub fn follows(&self, by: Update) -> bool {
+        self.again.as_ref().is_some_and(|build| build.allows(by))
+    }
+
+    pub(super) fn again(&self) -> Option<&Build> {
+        self.again.as_ref()
     }
 
     /// Bytes of device memory that it takes.
@@ -102,14 +131,19 @@ impl Tlas {
         Tlas::around(structure, instances, None)
     }
 
-    /// A structure that is built when [`Commands::build_tlas`] is recorded, over what its instance buffer then holds: any
-    /// number of times.
-    pub(super) fn later(device: &Arc<Device>, buffer: Arc<Buffer>, instances: &[TlasInstance]) -> Result<Tlas> {
-        let (structure, build) = Build::new(device, Input::of_instances(&buffer, instances.len()), Flags::empty())?;
+    /// A structure that is built when [`Commands::update_tlas`] is recorded, over what its instance buffer then holds: any
+    /// number of times. It can be refitted, too, if that is how it is to follow.
+    pub(super) fn later(
+        device: &Arc<Device>,
+        buffer: Arc<Buffer>,
+        instances: &[TlasInstance],
+        by: Update,
+    ) -> Result<Tlas> {
+        let (structure, build) = Build::new(device, Input::of_instances(&buffer, instances.len()), by.flags())?;
         Tlas::around(structure, instances, Some((build, buffer)))
     }
 
-    fn around(structure: Structure, instances: &[TlasInstance], rebuild: Option<(Build, Arc<Buffer>)>) -> Result<Tlas> {
+    fn around(structure: Structure, instances: &[TlasInstance], again: Option<(Build, Arc<Buffer>)>) -> Result<Tlas> {
         let device = structure.buffer.device.clone();
         let sizes =
             [vk::DescriptorPoolSize::default().ty(vk::DescriptorType::ACCELERATION_STRUCTURE_KHR).descriptor_count(1)];
@@ -119,7 +153,7 @@ impl Tlas {
             .map_err(device.error("vkCreateDescriptorPool"))?;
         // From here on Drop gives the pool back.
         let meshes = instances.iter().map(|instance| instance.blas.clone()).collect();
-        let mut tlas = Tlas { set: vk::DescriptorSet::null(), pool, structure, rebuild, meshes };
+        let mut tlas = Tlas { set: vk::DescriptorSet::null(), pool, structure, again, meshes };
         let layouts = [device.set_layout];
         let info = vk::DescriptorSetAllocateInfo::default().descriptor_pool(pool).set_layouts(&layouts);
         // SAFETY: the pool is new and has room for the set.
@@ -144,18 +178,19 @@ impl Tlas {
         self.structure.buffer.size()
     }
 
-    /// The [`TlasRecord`]s that [`Commands::build_tlas`] builds it from; none of one that is built for good.
+    /// The [`TlasRecord`]s that [`Commands::update_tlas`] builds it from; none of one that is built for good.
     pub fn instances(&self) -> Option<&Arc<Buffer>> {
-        self.rebuild.as_ref().map(|(_, instances)| instances)
+        self.again.as_ref().map(|(_, instances)| instances)
     }
 
-    /// How many instances it is over.
-    pub fn count(&self) -> usize {
-        self.meshes.len()
+    /// Whether it can be brought up to date in that way, over instances of the same meshes in the same order.
+    pub fn follows(&self, instances: &[TlasInstance], by: Update) -> bool {
+        let meshes = self.meshes.iter().zip(instances).all(|(mesh, instance)| Arc::ptr_eq(mesh, &instance.blas));
+        meshes && self.meshes.len() == instances.len() && self.again.as_ref().is_some_and(|(build, _)| build.allows(by))
     }
 
-    pub(super) fn rebuild(&self) -> Option<&Build> {
-        self.rebuild.as_ref().map(|(build, _)| build)
+    pub(super) fn again(&self) -> Option<&Build> {
+        self.again.as_ref().map(|(build, _)| build)
     }
 
     pub(super) fn device(&self) -> &Arc<Device> {
@@ -194,6 +229,12 @@ struct Structure {
 }
 
 type Flags = vk::BuildAccelerationStructureFlagsKHR;
+
+impl Update {
+    fn flags(self) -> Flags {
+        if self == Update::Refit { Flags::ALLOW_UPDATE } else { Flags::empty() }
+    }
+}
 
 /// What a structure is built over.
 struct Input {
@@ -273,21 +314,33 @@ impl Build {
         };
         let structure = Structure::empty(device, name, input.kind, sizes.acceleration_structure_size)?;
         let alignment = u64::from(device.limits().min_acceleration_structure_scratch_offset_alignment);
-        let scratch = Buffer::new(device, "build scratch", sizes.build_scratch_size + alignment, Memory::Device)?;
+        let scratch_size = sizes.build_scratch_size.max(sizes.update_scratch_size);
+        let scratch = Buffer::new(device, "build scratch", scratch_size + alignment, Memory::Device)?;
         let raw = structure.raw;
         Ok((structure, Build { input, flags, raw, scratch }))
     }
 
-    /// Records the build. What it reads must be there for acceleration structure builds, and it for who reads it.
-    pub(super) fn record(&self, device: &Device, commands: vk::CommandBuffer) -> Result<()> {
+    /// Whether it was prepared for that.
+    fn allows(&self, by: Update) -> bool {
+        self.flags.contains(by.flags())
+    }
+
+    /// Records the build, or a refit of what was built before. What it reads must be there for acceleration structure
+    /// builds, and it for who reads it.
+    pub(super) fn record(&self, device: &Device, commands: vk::CommandBuffer, by: Update) -> Result<()> {
         let functions = functions(device)?;
         let alignment = u64::from(device.limits().min_acceleration_structure_scratch_offset_alignment);
         let address = self.scratch.address().next_multiple_of(alignment);
+        let (mode, source) = match by {
+            Update::Rebuild => (vk::BuildAccelerationStructureModeKHR::BUILD, vk::AccelerationStructureKHR::null()),
+            Update::Refit => (vk::BuildAccelerationStructureModeKHR::UPDATE, self.raw),
+        };
         let info = vk::AccelerationStructureBuildGeometryInfoKHR::default()
             .ty(self.input.kind)
             .flags(self.flags)
-            .mode(vk::BuildAccelerationStructureModeKHR::BUILD)
+            .mode(mode)
             .geometries(&self.input.geometries)
+            .src_acceleration_structure(source)
             .dst_acceleration_structure(self.raw)
             .scratch_data(vk::DeviceOrHostAddressKHR { device_address: address });
         let counts = self.input.counts.iter();
@@ -302,7 +355,7 @@ impl Build {
     fn run(&self, device: &Arc<Device>) -> Result<()> {
         let mut commands = Commands::begin(device)?;
         commands.timestamp("acceleration structure");
-        self.record(device, commands.raw())?;
+        self.record(device, commands.raw(), Update::Rebuild)?;
         device.submit(commands)?.wait()?;
         Ok(())
     }

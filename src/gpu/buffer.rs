@@ -5,13 +5,11 @@ use std::sync::Arc;
 
 use ash::vk;
 use bytemuck::Pod;
-use gpu_allocator::MemoryLocation;
-use gpu_allocator::vulkan::{Allocation, AllocationCreateDesc, AllocationScheme};
 
 use super::commands::Commands;
 use super::device::{Device, Retired};
 use super::error::{Error, Result};
-use super::instance::lock;
+use super::memory::Allocation;
 
 /// Acceleration structures and their scratch memory want it (the specification's 256, and no device more for scratch).
 const ALIGNMENT: u64 = 256;
@@ -73,20 +71,11 @@ impl Buffer {
         // SAFETY: the buffer is this device's.
         let mut requirements = unsafe { device.raw.get_buffer_memory_requirements(raw) };
         requirements.alignment = requirements.alignment.max(ALIGNMENT);
-        let allocation = match &device.allocator {
-            Some(allocator) => lock(allocator)
-                .allocate(&AllocationCreateDesc {
-                    name,
-                    requirements,
-                    location: match memory {
-                        Memory::Device => MemoryLocation::GpuOnly,
-                        Memory::Upload => MemoryLocation::CpuToGpu,
-                        Memory::Readback => MemoryLocation::GpuToCpu,
-                    },
-                    linear: true,
-                    allocation_scheme: AllocationScheme::GpuAllocatorManaged,
-                })
-                .map_err(|e| device.allocation_error(name, bytes, &e)),
+        let allocation = match &device.memory {
+            Some(source) => source.allocate(name, requirements, memory).map_err(|words| match words {
+                Some(words) => device.out_of_memory(&format!("{name} ({words})"), bytes),
+                None => device.out_of_memory(name, bytes),
+            }),
             None => Err(device.out_of_memory(name, bytes)),
         };
         let allocation = match allocation {
@@ -155,11 +144,12 @@ impl Buffer {
 
     /// The bytes of an upload or read-back buffer to write; none of one in device memory. The device must not be using them.
     pub fn mapped_mut(&mut self) -> Option<&mut [u8]> {
-        let size = self.size as usize;
         if self.memory == Memory::Device {
             return None;
         }
-        self.allocation.as_mut()?.mapped_slice_mut()?.get_mut(..size)
+        let pointer = self.allocation.as_ref()?.mapped()?;
+        // SAFETY: as many bytes are mapped there, and are this buffer's alone.
+        Some(unsafe { std::slice::from_raw_parts_mut(pointer, self.size as usize) })
     }
 
     /// Everything in it, once all submitted work is done. What does not fill a `T` at its end is left out.
@@ -242,19 +232,19 @@ impl Buffer {
     /// The memory, where the host sees it without flushing: also device memory on CPU drivers and integrated GPUs.
     fn pointer(&self) -> Option<*mut u8> {
         let allocation = self.allocation.as_ref()?;
-        let coherent = allocation.memory_properties().contains(vk::MemoryPropertyFlags::HOST_COHERENT);
-        Some(allocation.mapped_ptr().filter(|_| coherent)?.as_ptr().cast())
+        let coherent = allocation.properties().contains(vk::MemoryPropertyFlags::HOST_COHERENT);
+        allocation.mapped().filter(|_| coherent)
     }
 
     /// Whether the host reads the memory through its caches; reading the rest is slower than copying it on the device.
     fn is_cached(&self) -> bool {
-        let properties = self.allocation.as_ref().map(Allocation::memory_properties);
+        let properties = self.allocation.as_ref().map(Allocation::properties);
         properties.is_some_and(|properties| properties.contains(vk::MemoryPropertyFlags::HOST_CACHED))
     }
 
     fn bytes(&self) -> Option<&[u8]> {
-        self.pointer()?;
-        self.allocation.as_ref()?.mapped_slice()?.get(..self.size as usize)
+        // SAFETY: as many bytes are mapped there, and are this buffer's alone.
+        Some(unsafe { std::slice::from_raw_parts(self.pointer()?, self.size as usize) })
     }
 }
 

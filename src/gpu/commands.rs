@@ -127,12 +127,16 @@ impl Commands {
 
     /// Runs `groups` workgroups of the kernel with these push constants.
     pub fn dispatch(&mut self, kernel: &Kernel, groups: [u32; 3], push: &impl Pod) {
+        self.dispatch_bytes(kernel, groups, bytemuck::bytes_of(push));
+    }
+
+    pub(super) fn dispatch_bytes(&mut self, kernel: &Kernel, groups: [u32; 3], push: &[u8]) {
         let most = self.device.limits().max_compute_work_group_count;
         if (0..3).any(|i| groups[i] > most[i]) {
             let device = self.device.name().to_string();
             return self.fail(format!("{groups:?} workgroups of {}, {device} allows {most:?}", kernel.name()));
         }
-        if self.prepare(kernel, bytemuck::bytes_of(push)) {
+        if self.prepare(kernel, push) {
             // SAFETY: a pipeline is bound with its push constants and, if it uses one, an acceleration structure.
             unsafe { self.device.raw.cmd_dispatch(self.raw, groups[0], groups[1], groups[2]) };
         }

@@ -4,13 +4,14 @@ use std::collections::{BTreeSet, VecDeque};
 use std::sync::{Arc, Mutex};
 
 use ash::{ext, khr, vk};
-use gpu_allocator::vulkan::{Allocation, Allocator, AllocatorCreateDesc};
+use gpu_allocator::vulkan::{Allocator, AllocatorCreateDesc};
 use gpu_allocator::{AllocationSizes, AllocatorDebugSettings};
 
 use super::commands::{Commands, Submission};
 use super::error::{Error, Result};
 use super::instance::{Instance, lock};
 use super::kernel::PipelineCache;
+use super::memory::{Allocation, HostAllocator, Source};
 use super::profile::{self, DeviceReport, Limits, PUSH_CONSTANT_BYTES, Profile};
 
 /// An open device. Everything made from it keeps it alive; all of it may be used from several threads.
@@ -24,7 +25,7 @@ pub struct Device {
     pub(super) debug: Option<ext::debug_utils::Device>,
     pub(super) pipeline_cache: PipelineCache,
     // Taken only by Drop.
-    pub(super) allocator: Option<Arc<Mutex<Allocator>>>,
+    pub(super) memory: Option<Source>,
     pub(super) queue_family: u32,
     report: DeviceReport,
     profile: Profile,
@@ -57,6 +58,8 @@ pub struct HostDevice {
     pub debug_utils: bool,
     /// What gives us memory, with buffer device addresses on; `None` is an allocator of our own.
     pub allocator: Option<Arc<Mutex<Allocator>>>,
+    /// What gives us memory instead, of whatever kind.
+    pub host_allocator: Option<Arc<dyn HostAllocator>>,
     /// What keeps our pipelines; null is a cache of our own, in memory.
     pub pipeline_cache: vk::PipelineCache,
     /// A queue of that family, if calls that submit and wait are wanted too. What only records needs none.
@@ -81,6 +84,7 @@ impl HostDevice {
             ray_query: false,
             debug_utils: false,
             allocator: None,
+            host_allocator: None,
             pipeline_cache: vk::PipelineCache::null(),
             queue: None,
         }
@@ -201,7 +205,8 @@ impl Device {
             true => PipelineCache::in_memory(&raw),
             false => PipelineCache::of_host(host.pipeline_cache),
         };
-        Self::finish(&instance, physical_device, raw, host.queue, report, cache, host.allocator, false)
+        let memory = host.host_allocator.map(Source::Host).or(host.allocator.map(Source::Blocks));
+        Self::finish(&instance, physical_device, raw, host.queue, report, cache, memory, false)
     }
 
     #[allow(clippy::too_many_arguments)] // the two ways to a device end here, and nothing else calls it
@@ -212,7 +217,7 @@ impl Device {
         queue: Option<vk::Queue>,
         report: DeviceReport,
         pipeline_cache: PipelineCache,
-        allocator: Option<Arc<Mutex<Allocator>>>,
+        memory: Option<Source>,
         owned: bool,
     ) -> Result<Arc<Device>> {
         let has_ray_query = report.ray_query;
@@ -224,7 +229,7 @@ impl Device {
             debug: instance.debug_utils.then(|| ext::debug_utils::Device::new(&instance.raw, &raw)),
             pipeline_cache,
             queue_family: report.queue_family,
-            allocator,
+            memory,
             profile: report.profile(),
             has_ray_query,
             timeline: vk::Semaphore::null(),
@@ -235,7 +240,7 @@ impl Device {
             report,
             raw,
         };
-        if device.allocator.is_none() {
+        if device.memory.is_none() {
             let allocator = Allocator::new(&AllocatorCreateDesc {
                 instance: instance.raw.clone(),
                 device: device.raw.clone(),
@@ -244,8 +249,8 @@ impl Device {
                 buffer_device_address: true,
                 allocation_sizes: AllocationSizes::new(64 << 20, 16 << 20).with_max_device_memblock_size(256 << 20),
             });
-            let allocator = allocator.map_err(|e| device.allocation_error("the allocator", 0, &e))?;
-            device.allocator = Some(Arc::new(Mutex::new(allocator)));
+            let allocator = allocator.map_err(|error| device.out_of_memory(&format!("the allocator ({error})"), 0))?;
+            device.memory = Some(Source::Blocks(Arc::new(Mutex::new(allocator))));
         }
 
         let mut kind = vk::SemaphoreTypeCreateInfo::default().semaphore_type(vk::SemaphoreType::TIMELINE);
@@ -417,9 +422,8 @@ impl Device {
             match object {
                 Retired::Buffer(buffer, allocation) => {
                     self.raw.destroy_buffer(buffer, None);
-                    if let Some(allocator) = &self.allocator {
-                        // It fails only for an allocation of another allocator.
-                        let _ = lock(allocator).free(allocation);
+                    if let Some(source) = &self.memory {
+                        source.free(allocation);
                     }
                 }
                 Retired::Pipeline(pipeline) => self.raw.destroy_pipeline(pipeline, None),
@@ -452,13 +456,6 @@ impl Device {
         Error::OutOfMemory { what: what.to_string(), bytes, device: self.name().to_string() }
     }
 
-    pub(super) fn allocation_error(&self, what: &str, bytes: u64, error: &gpu_allocator::AllocationError) -> Error {
-        match error {
-            gpu_allocator::AllocationError::OutOfMemory => self.out_of_memory(what, bytes),
-            other => self.out_of_memory(&format!("{what} ({other})"), bytes),
-        }
-    }
-
     /// Gives an object its name in validation messages and captures.
     pub(super) fn set_name(&self, object: impl vk::Handle, name: &str) {
         if let (Some(debug), Ok(name)) = (&self.debug, std::ffi::CString::new(name)) {
@@ -478,7 +475,7 @@ impl Drop for Device {
         let retired = std::mem::take(&mut *lock(&self.graveyard));
         retired.submitted.into_iter().chain(retired.recorded).for_each(|(_, object)| self.destroy(object));
         self.pipeline_cache.save(&self.raw);
-        self.allocator.take();
+        self.memory.take();
         // SAFETY: all work is done and everything made from the device is gone, as it would have kept the device.
         unsafe {
             self.pipeline_cache.destroy(&self.raw);

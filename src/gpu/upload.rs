@@ -5,11 +5,12 @@ use std::sync::Arc;
 use ash::vk;
 use bytemuck::Pod;
 
-use super::acceleration::{self, Blas, BlasGeometry, Build, Tlas, TlasInstance};
+use super::acceleration::{self, Blas, BlasGeometry, Build, Tlas, TlasInstance, Update};
 use super::buffer::{Buffer, Memory};
 use super::commands::Commands;
 use super::device::Device;
 use super::error::{Error, Result};
+use super::kernel::Kernel;
 
 /// Bytes of the first staging buffer; each is twice as large as the one before, up to the largest, or as what must fit.
 const SMALLEST_STAGING: u64 = 64 << 10;
@@ -35,8 +36,19 @@ struct Staged {
     /// Few bytes, which travel in the command buffer.
     updates: Vec<(Arc<Buffer>, Vec<u8>)>,
     fills: Vec<Arc<Buffer>>,
+    dispatches: Vec<Dispatch>,
+    /// Built once.
     meshes: Vec<(Arc<Blas>, Build)>,
-    scenes: Vec<Arc<Tlas>>,
+    deformed: Vec<(Arc<Blas>, Update)>,
+    scenes: Vec<(Arc<Tlas>, Update)>,
+}
+
+struct Dispatch {
+    kernel: Arc<Kernel>,
+    groups: [u32; 3],
+    push: Vec<u8>,
+    // Held until it is done.
+    _writes: Arc<Buffer>,
 }
 
 struct Copy {
@@ -112,12 +124,7 @@ impl Upload {
         let buffer = Arc::new(Buffer::new(&self.device, name, bytes, Memory::Device)?);
         match &mut self.staged {
             Some(staged) => staged.fills.push(buffer.clone()),
-            None => {
-                let mut commands = Commands::begin(&self.device)?;
-                commands.fill(&buffer, 0..bytes, 0);
-                commands.barrier();
-                self.device.submit(commands)?.wait()?;
-            }
+            None => self.run(|commands| commands.fill(&buffer, 0..bytes, 0))?,
         }
         Ok(buffer)
     }
@@ -133,40 +140,98 @@ impl Upload {
         Ok(blas)
     }
 
-    /// A top-level structure. One that is built later can be built again ([`Commands::build_tlas`]).
+    /// A bottom-level structure that can be built again; refitted, too, if that is how it is to follow.
+    ///
+    /// # Errors
+    /// As of [`Upload::blas`].
+    pub fn deformable_blas(&mut self, geometries: &[BlasGeometry], by: Update) -> Result<Arc<Blas>> {
+        let blas = Blas::following(&self.device, geometries, by)?;
+        self.update_blas(&blas, Update::Rebuild)?;
+        Ok(blas)
+    }
+
+    /// Brings a structure up to date with the positions that its geometries then hold; their indices are the same.
+    ///
+    /// # Errors
+    /// It was not made for that ([`Blas::follows`]), or a lost device.
+    pub fn update_blas(&mut self, blas: &Arc<Blas>, by: Update) -> Result<()> {
+        if !blas.follows(by) {
+            return Err(Error::AccelerationStructure(format!("a mesh structure that was not made for a {by:?}")));
+        }
+        match &mut self.staged {
+            Some(staged) => {
+                staged.deformed.push((blas.clone(), by));
+                Ok(())
+            }
+            None => self.run(|commands| commands.update_blas(blas, by)),
+        }
+    }
+
+    /// A top-level structure. One that is built later can be built again; refitted, too, if that is how it is to follow.
     ///
     /// # Errors
     /// A device without ray query, a custom index of more than 24 bits, out of memory, or a lost device.
-    pub fn tlas(&mut self, instances: &[TlasInstance]) -> Result<Arc<Tlas>> {
+    pub fn tlas(&mut self, instances: &[TlasInstance], by: Update) -> Result<Arc<Tlas>> {
         if self.staged.is_none() {
             return Ok(Arc::new(Tlas::build(&self.device, instances)?));
         }
         let buffer = self.buffer("instances", &acceleration::records(instances)?)?;
-        let tlas = Arc::new(Tlas::later(&self.device, buffer, instances)?);
+        let tlas = Arc::new(Tlas::later(&self.device, buffer, instances, by)?);
         if let Some(staged) = &mut self.staged {
-            staged.scenes.push(tlas.clone());
+            staged.scenes.push((tlas.clone(), Update::Rebuild));
         }
         Ok(tlas)
     }
 
-    /// Builds a structure again, over as many instances as before.
+    /// Brings a structure up to date with instances of the same meshes.
     ///
     /// # Errors
-    /// It was built for good, a custom index of more than 24 bits, out of memory, or a lost device.
-    pub fn rebuild(&mut self, tlas: &Arc<Tlas>, instances: &[TlasInstance]) -> Result<()> {
-        let (Some(buffer), true) = (tlas.instances(), tlas.count() == instances.len()) else {
-            let (found, count) = (instances.len(), tlas.count());
-            return Err(Error::AccelerationStructure(format!("{found} instances for one that was built over {count}")));
+    /// It was not made for that ([`Tlas::follows`]), a custom index of more than 24 bits, out of memory, or a lost device.
+    pub fn update_tlas(&mut self, tlas: &Arc<Tlas>, instances: &[TlasInstance], by: Update) -> Result<()> {
+        let (Some(buffer), true) = (tlas.instances(), tlas.follows(instances, by)) else {
+            return Err(Error::AccelerationStructure(format!(
+                "a scene structure that was not made for a {by:?} over these {} instances",
+                instances.len()
+            )));
         };
         self.write(buffer, &acceleration::records(instances)?)?;
         match &mut self.staged {
-            Some(staged) => staged.scenes.push(tlas.clone()),
-            None => {
-                let mut commands = Commands::begin(&self.device)?;
-                commands.build_tlas(tlas);
-                self.device.submit(commands)?.wait()?;
+            Some(staged) => {
+                staged.scenes.push((tlas.clone(), by));
+                Ok(())
             }
+            None => self.run(|commands| commands.update_tlas(tlas, by)),
         }
+    }
+
+    /// Runs a kernel once buffers have their contents, before acceleration structures are built. It writes that buffer.
+    ///
+    /// # Errors
+    /// A mistake in the dispatch, or a lost device, where it takes place now.
+    pub fn dispatch(
+        &mut self,
+        kernel: &Arc<Kernel>,
+        groups: [u32; 3],
+        push: &impl Pod,
+        writes: &Arc<Buffer>,
+    ) -> Result<()> {
+        let push = bytemuck::bytes_of(push).to_vec();
+        let dispatch = Dispatch { kernel: kernel.clone(), groups, push, _writes: writes.clone() };
+        match &mut self.staged {
+            Some(staged) => {
+                staged.dispatches.push(dispatch);
+                Ok(())
+            }
+            None => self.run(|commands| dispatch.record(commands)),
+        }
+    }
+
+    /// Records, submits and waits.
+    fn run(&self, record: impl FnOnce(&mut Commands)) -> Result<()> {
+        let mut commands = Commands::begin(&self.device)?;
+        record(&mut commands);
+        commands.barrier();
+        self.device.submit(commands)?.wait()?;
         Ok(())
     }
 
@@ -184,12 +249,27 @@ impl Upload {
             commands.fill(buffer, 0..buffer.size(), 0);
         }
         commands.barrier();
+        if !staged.dispatches.is_empty() {
+            staged.dispatches.iter().for_each(|dispatch| dispatch.record(commands));
+            commands.barrier();
+        }
         for (_, build) in &staged.meshes {
-            commands.build(build);
+            commands.build(build, Update::Rebuild);
         }
-        for tlas in &staged.scenes {
-            commands.build_tlas(tlas);
+        for (blas, by) in &staged.deformed {
+            commands.update_blas(blas, *by);
         }
+        for (tlas, by) in &staged.scenes {
+            commands.update_tlas(tlas, *by);
+        }
+        // What the next upload writes.
+        commands.barrier();
+    }
+}
+
+impl Dispatch {
+    fn record(&self, commands: &mut Commands) {
+        commands.dispatch_bytes(&self.kernel, self.groups, &self.push);
     }
 }
 
@@ -219,16 +299,24 @@ impl Staged {
 }
 
 impl Commands {
-    /// Builds the structure from the records in its instance buffer ([`Tlas::instances`]), which copies may have written
-    /// just before, and makes it visible to what follows. What was recorded before and still uses it is waited for.
-    pub fn build_tlas(&mut self, tlas: &Tlas) {
-        match tlas.rebuild() {
-            Some(build) => self.build(build),
-            None => self.fail("the acceleration structure was built for good (Tlas::build)".to_string()),
+    /// Brings the structure up to date with the positions that its geometries hold, and makes it visible to what follows. What was
+    /// recorded before and still uses it is waited for.
+    pub fn update_blas(&mut self, blas: &Blas, by: Update) {
+        match blas.again() {
+            Some(build) => self.build(build, by),
+            None => self.fail("the acceleration structure was built for good".to_string()),
         }
     }
 
-    fn build(&mut self, build: &Build) {
+    /// The same with the records in its instance buffer ([`Tlas::instances`]), which copies may have written just before.
+    pub fn update_tlas(&mut self, tlas: &Tlas, by: Update) {
+        match tlas.again() {
+            Some(build) => self.build(build, by),
+            None => self.fail("the acceleration structure was built for good".to_string()),
+        }
+    }
+
+    fn build(&mut self, build: &Build, by: Update) {
         use vk::{AccessFlags as Access, PipelineStageFlags as Stage};
         let all = Stage::ACCELERATION_STRUCTURE_BUILD_KHR | Stage::COMPUTE_SHADER;
         let written = Access::ACCELERATION_STRUCTURE_WRITE_KHR | Access::SHADER_WRITE | Access::TRANSFER_WRITE;
@@ -236,7 +324,7 @@ impl Commands {
         let device = self.device().clone();
         // Its input and its scratch memory: of copies, and of the build before.
         self.barrier_between((all | Stage::TRANSFER, written), (all, used | Access::SHADER_READ));
-        if let Err(error) = self.record_raw(|raw| build.record(&device, raw)) {
+        if let Err(error) = self.record_raw(|raw| build.record(&device, raw, by)) {
             self.keep(error);
         }
         self.barrier_between((all, written), (all, used | Access::SHADER_READ));

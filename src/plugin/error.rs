@@ -16,6 +16,16 @@ pub enum Error {
     /// The scene, or a change of it, makes no sense.
     #[error(transparent)]
     Scene(#[from] Flaw),
+    /// A host's mesh does not go with what is to be done with it.
+    #[error("mesh '{mesh}' of the host: {found}, but must be {expected}")]
+    HostMesh {
+        /// The mesh's name.
+        mesh: String,
+        /// What there is.
+        found: String,
+        /// What is asked for.
+        expected: String,
+    },
     /// The change needs kernels that were not built.
     #[error("the kernels were not built for {what}: make a new renderer, or name it in Options::reserve beforehand")]
     NewRenderer {
@@ -66,6 +76,7 @@ impl From<render::Error> for Error {
         match error {
             render::Error::Gpu(error) => Error::Gpu(error),
             render::Error::Fixed { what } => Error::NewRenderer { what },
+            render::Error::HostMesh { mesh, found, expected } => Error::HostMesh { mesh, found, expected },
             error => Error::Render(error),
         }
     }

@@ -9,6 +9,7 @@ mod renderer;
 mod slots;
 mod target;
 
+pub use crate::gpu::{HostArray, HostIndices, HostMesh, HostVertices, IndexFormat, Update};
 pub use change::Change;
 pub use error::Error;
 pub use layout::{DEVELOP_STRUCTS, DevelopPass};

@@ -10,9 +10,9 @@ use super::layout::DevelopPass;
 use super::mark::Mark;
 use super::slots::{Slots, Status};
 use super::target::{Channel, PixelFormat, Place, Target};
-use crate::gpu::{self, Buffer, Commands, Device, Kernel, Memory, Upload, spirv};
+use crate::gpu::{self, Buffer, Commands, Device, HostMesh, Kernel, Memory, Update, Upload, spirv};
 use crate::render::{self, Features, PathTracer, Settings, Traversal};
-use crate::scene::{Environment, Scene, Sun};
+use crate::scene::{Environment, Flaw, Scene, Sun};
 
 /// What a host may choose.
 #[derive(Clone, Copy, Debug)]
@@ -70,6 +70,9 @@ pub struct Renderer {
     tracer: PathTracer,
     develop: Kernel,
     scene: Scene,
+    /// Meshes that only the device has.
+    device_only: Vec<usize>,
+    top_level: Update,
     /// Packed pixels on their way to a target.
     packed: Buffer,
     slots: Slots,
@@ -92,8 +95,40 @@ impl Renderer {
     /// # Errors
     /// A flaw of the scene, settings out of range, a traversal that the device lacks, out of memory.
     pub fn new(device: &Arc<Device>, scene: Scene, options: &Options) -> Result<Renderer, Error> {
+        Renderer::with_host_meshes(device, scene, &[], options)
+    }
+
+    /// The same with meshes from the host's buffers: those with an index into [`Scene::meshes`] here. The first recording reads
+    /// them, and copies them on the device.
+    ///
+    /// The scene's mesh has the materials: one, or one a triangle. Ray query needs no more of it than two positions, opposite
+    /// corners of a box around the vertices. The BVH, which is built on the CPU, and triangles that emit need the scene's mesh whole, with
+    /// the same vertices and triangles; then the device's copy of them is still the host's.
+    ///
+    /// # Errors
+    /// As of [`Renderer::new`], and a host's mesh that does not go with the scene's or with the traversal.
+    pub fn with_host_meshes(
+        device: &Arc<Device>,
+        scene: Scene,
+        host_meshes: &[(u32, HostMesh)],
+        options: &Options,
+    ) -> Result<Renderer, Error> {
         let mut scene = scene;
         scene.check()?;
+        let mut device_only = Vec::new();
+        for (index, _) in host_meshes {
+            let index = *index as usize;
+            let expected = || format!("below {}", scene.meshes.len());
+            let mesh = scene.meshes.get(index).ok_or_else(|| Flaw {
+                part: "index of a host's mesh".into(),
+                found: index.to_string(),
+                expected: expected(),
+            })?;
+            if mesh.triangles.is_empty() {
+                device_only.push(index);
+            }
+        }
+        check_lamps(&scene, &device_only)?;
         complete_lights(&mut scene, &options.reserve);
         let Options { settings, traversal, pool_paths, .. } = *options;
         if options.frames_in_flight == 0 {
@@ -102,7 +137,7 @@ impl Renderer {
         }
         let mut upload = Upload::later(device);
         let choices = render::Options { traversal, pool_paths };
-        let tracer = PathTracer::new(&mut upload, &scene, &settings, &choices, &options.reserve)?;
+        let tracer = PathTracer::new(&mut upload, &scene, host_meshes, &settings, &choices, &options.reserve)?;
         let source = spirv::load("develop").ok_or(render::Error::MissingKernel("develop"))?;
         Ok(Renderer {
             develop: Kernel::new(device, source, &[])?,
@@ -112,6 +147,8 @@ impl Renderer {
             device: device.clone(),
             tracer,
             scene,
+            device_only,
+            top_level: Update::Rebuild,
             pending: vec![upload],
             retired: VecDeque::new(),
             recorded: 0,
@@ -153,18 +190,26 @@ impl Renderer {
     /// # Errors
     /// A flaw of what is new, [`Error::NewRenderer`] for what the kernels cannot do, out of memory.
     pub fn update(&mut self, changes: &[Change]) -> Result<(), Error> {
-        let before = Changeable::of(&self.scene);
-        let staged = match apply(&mut self.scene, changes) {
+        let mut before = Changeable::of(&self.scene);
+        let staged = match apply(&mut self.scene, changes, &mut before) {
             Ok(touched) => {
                 complete_lights(&mut self.scene, self.tracer.features());
-                self.stage(&before, &touched)
+                self.stage(&before, touched)
             }
             Err(flaw) => Err(flaw.into()),
         };
         staged.inspect_err(|_| before.restore(&mut self.scene))
     }
 
-    fn stage(&mut self, before: &Changeable, touched: &Touched) -> Result<(), Error> {
+    /// How the top level over all instances follows changes from now on; at first it is rebuilt each time. The first refit is a
+    /// rebuild, of a top level that can be refitted. A host whose instances move far asks for a rebuild now and then.
+    pub fn set_top_level(&mut self, by: Update) {
+        self.top_level = by;
+    }
+
+    fn stage(&mut self, before: &Changeable, mut touched: Touched) -> Result<(), Error> {
+        check_lamps(&self.scene, &self.device_only)?;
+        touched.scene.top_level = self.top_level;
         let mut upload = Upload::later(&self.device);
         if touched.camera {
             self.tracer.set_camera(&mut upload, &self.scene)?;
@@ -378,6 +423,19 @@ fn packed_bytes(pixels: u64) -> u64 {
 
 fn packed_pixels(device: &Arc<Device>, tracer: &PathTracer) -> gpu::Result<Buffer> {
     Buffer::new(device, "packed pixels", packed_bytes(tracer.film().pixel_count()), Memory::Device)
+}
+
+/// Lamps are sampled by a table that the CPU makes of their triangles.
+fn check_lamps(scene: &Scene, device_only: &[usize]) -> Result<(), Error> {
+    for mesh in device_only.iter().map(|index| &scene.meshes[*index]) {
+        let materials = mesh.materials.iter().map(|index| &scene.materials[*index as usize]);
+        if let Some(lamp) = materials.into_iter().find(|material| material.is_emissive()) {
+            let found = format!("on the device alone, and its material '{}' emits", lamp.name);
+            let expected = "in the scene too, with the same triangles, to be a lamp".to_string();
+            return Err(Error::HostMesh { mesh: mesh.name.clone(), found, expected });
+        }
+    }
+    Ok(())
 }
 
 /// Kernels that were built for a sky or a sun find one: a black one where there is none.

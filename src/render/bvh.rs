@@ -114,11 +114,25 @@ pub struct Intersection {
 impl Bvh {
     /// A tree over the triangles of a mesh.
     pub fn over_triangles(mesh: &Mesh) -> Bvh {
-        let boxes: Vec<Bounds> = (0..mesh.triangles.len())
-            .into_par_iter()
-            .map(|triangle| mesh.corners(triangle).into_iter().fold(Bounds::EMPTY, Bounds::including))
-            .collect();
-        Bvh::build(&boxes, MAX_LEAF)
+        Bvh::over_triangles_within(mesh, MAX_STACK)
+    }
+
+    /// The same for a walk with such a stack, if that can be.
+    pub fn over_triangles_within(mesh: &Mesh, stack: u32) -> Bvh {
+        Bvh::within(&Bvh::boxes(mesh), MAX_LEAF, stack)
+    }
+
+    /// The boxes around the triangles of a mesh.
+    pub fn boxes(mesh: &Mesh) -> Vec<Bounds> {
+        let around = |triangle| mesh.corners(triangle).into_iter().fold(Bounds::EMPTY, Bounds::including);
+        (0..mesh.triangles.len()).into_par_iter().map(around).collect()
+    }
+
+    /// The same tree over as many boxes that lie elsewhere.
+    pub fn refitted(&self, boxes: &[Bounds]) -> Bvh {
+        let mut bvh = self.clone();
+        bvh.fit(boxes);
+        bvh
     }
 
     /// A tree over boxes, at most `max_leaf` ≤ 4 of them in a leaf. No box, a box that is a point, identical and

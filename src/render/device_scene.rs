@@ -4,14 +4,15 @@ use std::sync::Arc;
 
 use glam::{Affine3A, Vec3};
 
+use super::device_mesh::Deformed;
 use super::error::Error;
-use super::geometry::{Geometry, Placement, overwrite};
+use super::geometry::{Geometry, NextGeometry, Placement, overwrite};
 use super::kernels::Features;
 use super::layout::{AliasRecord, EmitterRecord, SceneTable, TextureRecord};
 use super::material_record::DeviceMaterials;
-use super::neubrdf_table::NeuBrdfShape;
+use super::neubrdf_table::{NeuBrdfShape, neubrdfs};
 use super::settings::Traversal;
-use crate::gpu::{Buffer, Tlas, Upload};
+use crate::gpu::{Buffer, HostMesh, Tlas, Update, Upload};
 use crate::scene::brdf::Precision;
 use crate::scene::{Environment, LightTable, Material, Scene};
 
@@ -24,6 +25,8 @@ pub struct DeviceScene {
     textures: u64,
     table: Arc<Buffer>,
     neubrdf_shape: NeuBrdfShape,
+    /// The NeuBRDFs' precision was chosen by whoever asked for it, be it exact or not.
+    chosen_precision: bool,
     // Held for the texture records' pointers.
     _buffers: Vec<Arc<Buffer>>,
 }
@@ -41,31 +44,37 @@ struct DeviceLights {
 pub struct Changed {
     /// Instances were moved, added or removed.
     pub instances: bool,
-    /// Materials, by their index.
+    /// Meshes have another shape, each named once; their instances count as moved.
+    pub deformed: Vec<Deformed>,
+    /// How the top level over all instances follows.
+    pub top_level: Update,
+    /// Materials, by their index, with those whose BRDF is another.
     pub materials: Vec<usize>,
+    /// BRDFs, by their index.
+    pub brdfs: Vec<usize>,
     /// The sky, the sun, or what emits.
     pub lights: bool,
 }
 
 /// What [`DeviceScene::changed`] made, and then what it took the place of.
 pub struct NextScene {
-    placement: Option<Placement>,
+    geometry: Option<NextGeometry>,
     materials: DeviceMaterials,
     lights: DeviceLights,
 }
 
 impl DeviceScene {
     /// Uploads what the features say is there, and nothing else; the numbers of NeuBRDFs in that precision, or in half where it
-    /// loses nothing.
+    /// loses nothing. The meshes of those indices come from a host's buffers.
     pub fn new(
         upload: &mut Upload,
-        scene: &Scene,
+        (scene, host_meshes): (&Scene, &[(u32, HostMesh)]),
         lights: &LightTable,
         features: &Features,
         traversal: Traversal,
         precision: Option<Precision>,
     ) -> Result<DeviceScene, Error> {
-        let geometry = Geometry::new(upload, scene, traversal)?;
+        let geometry = Geometry::new(upload, scene, host_meshes, traversal)?;
         let (materials, neubrdf_shape) = DeviceMaterials::new(upload, &scene.materials, &scene.brdfs, precision)?;
         let neubrdf_shape = neubrdf_shape.on(upload.device());
         let mut buffers = Vec::new();
@@ -92,6 +101,7 @@ impl DeviceScene {
             textures,
             table,
             neubrdf_shape,
+            chosen_precision: precision.is_some(),
             _buffers: buffers,
         })
     }
@@ -113,27 +123,40 @@ impl DeviceScene {
         if let Some(what) = features.lacks_of(&Features::of(scene, &table_of_lights)) {
             return Err(Error::Fixed { what });
         }
+        for model in neubrdfs(changed.brdfs.iter().map(|index| &*scene.brdfs[*index])) {
+            if !self.neubrdf_shape.holds(model) {
+                return Err(Error::Fixed { what: "a NeuBRDF that is wider or deeper, or isotropic".to_owned() });
+            }
+            if !self.chosen_precision && !self.neubrdf_shape.is_exact_for(model) {
+                return Err(Error::Fixed { what: "a NeuBRDF in single precision".to_owned() });
+            }
+        }
         let mut materials = self.materials.clone();
         if !changed.materials.is_empty() {
             let both = (before, &scene.materials[..]);
-            materials.replace(upload, both, &changed.materials, &scene.brdfs, &self.neubrdf_shape)?;
+            let which = (&changed.materials[..], &changed.brdfs[..]);
+            materials.replace(upload, both, which, &scene.brdfs, &self.neubrdf_shape)?;
         }
-        let placement = changed.instances.then(|| self.geometry.placed(upload, scene)).transpose()?;
+        let moved = changed.instances || !changed.deformed.is_empty();
+        let geometry = match moved {
+            true => Some(self.geometry.changed(upload, scene, &changed.deformed, changed.top_level)?),
+            false => None,
+        };
         // Emitters stand in the world.
-        let lights = match changed.lights || changed.instances {
+        let lights = match changed.lights || moved {
             true => self.lights.overwritten(upload, scene, &table_of_lights, features)?,
             false => self.lights.clone(),
         };
-        let place = placement.as_ref().unwrap_or(self.geometry.placement());
+        let place = geometry.as_ref().map_or(self.geometry.placement(), NextGeometry::placement);
         let table = table(scene, &table_of_lights, &self.geometry, place, &materials, self.textures, &lights);
         upload.write(&self.table, &[table])?;
-        Ok(NextScene { placement, materials, lights })
+        Ok(NextScene { geometry, materials, lights })
     }
 
     /// Takes what [`DeviceScene::changed`] made. What it returns is to be kept for as long as work may use it.
     pub fn take(&mut self, next: NextScene) -> NextScene {
         NextScene {
-            placement: next.placement.map(|placement| self.geometry.place(placement)),
+            geometry: next.geometry.map(|geometry| self.geometry.take(geometry)),
             materials: std::mem::replace(&mut self.materials, next.materials),
             lights: std::mem::replace(&mut self.lights, next.lights),
         }

@@ -56,6 +56,16 @@ pub enum Error {
         /// How many it may have.
         most: usize,
     },
+    /// A host's mesh does not go with what is to be done with it.
+    #[error("mesh '{mesh}' of the host: {found}, but must be {expected}")]
+    HostMesh {
+        /// The mesh's name.
+        mesh: String,
+        /// What there is.
+        found: String,
+        /// What is asked for.
+        expected: String,
+    },
     /// The settings are out of range.
     #[error("{name} is {found}, but must be {expected}")]
     Setting {

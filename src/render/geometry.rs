@@ -1,42 +1,22 @@
 //! A scene's meshes and instances in device memory, with what a traversal needs to find them.
 
+use std::collections::HashMap;
 use std::sync::Arc;
 
-use bytemuck::Zeroable;
 use glam::{Affine3A, DAffine3, DMat3, DVec3};
 use rayon::prelude::*;
 
-use super::bvh::{Bvh, BvhNode, LeafTriangle, MAX_PRIMITIVES, MAX_STACK};
+use super::bvh::{Bvh, BvhNode, MAX_STACK};
+use super::device_mesh::{Deformed, DeviceMesh, MeshArrays, MeshRecord, tree_over};
 use super::error::Error;
+use super::gather::Gatherer;
 use super::settings::Traversal;
-use crate::gpu::{Blas, BlasGeometry, Buffer, Device, Tlas, TlasInstance, Upload};
-use crate::scene::{Bounds, Instance, Mesh, Scene};
+use crate::gpu::{Buffer, Device, HostMesh, Tlas, TlasInstance, Update, Upload};
+use crate::scene::{Bounds, Instance, Scene};
 
 crate::shared_structs! {
     /// The structs of `glsl/layout/geometry.glsl` that are made here.
-    pub const GEOMETRY_STRUCTS;
-
-    /// A mesh: pointers, null where it has no such thing.
-    pub struct MeshRecord {
-        /// Corners, object space.
-        pub positions: u64,
-        /// Shading normals.
-        pub normals: u64,
-        /// Texture coordinates.
-        pub uvs: u64,
-        /// Corner indices of the triangles.
-        pub indices: u64,
-        /// Materials, one a triangle.
-        pub materials: u64,
-        /// The tree over its triangles.
-        pub nodes: u64,
-        /// The triangles as the tree's leaves index them.
-        pub leaf_triangles: u64,
-        /// The material of all triangles, where `materials` is null.
-        pub material: u32,
-        /// Nothing.
-        pub padding: u32,
-    }
+    pub const INSTANCE_STRUCTS;
 
     /// A mesh that stands in the world. Matrices are column by column.
     pub struct InstanceRecord {
@@ -51,28 +31,37 @@ crate::shared_structs! {
 
 /// The uploaded geometry.
 pub struct Geometry {
-    /// Addresses of the mesh records.
-    meshes: Arc<Buffer>,
+    meshes: Vec<Arc<DeviceMesh>>,
+    /// The mesh records, and their addresses.
+    records: Arc<Buffer>,
+    addresses: Arc<Buffer>,
     placement: Placement,
-    /// Around each mesh, for the tree over instances; empty for ray query.
-    bounds: Vec<Bounds>,
-    /// Each mesh, for ray query.
-    structures: Vec<Arc<Blas>>,
+    gatherer: Gatherer,
     /// Entries that a walk's stack needs at most.
     stack: u32,
     is_cpu: bool,
     subgroup_size: u32,
-    // Held for the mesh records' pointers.
-    buffers: Vec<Arc<Buffer>>,
 }
 
 /// Where the meshes stand: what is made anew when one moves.
 #[derive(Clone)]
 pub struct Placement {
     instances: Arc<Buffer>,
-    /// The tree over instances.
-    nodes: Option<Arc<Buffer>>,
-    tlas: Option<Arc<Tlas>>,
+    top: Top,
+}
+
+/// The top level over all instances.
+#[derive(Clone)]
+enum Top {
+    Tree { tree: Arc<Bvh>, nodes: Arc<Buffer> },
+    Structure(Arc<Tlas>),
+}
+
+/// What [`Geometry::changed`] made, and then what it took the place of.
+pub struct NextGeometry {
+    /// Where some mesh has another shape.
+    meshes: Option<Vec<Arc<DeviceMesh>>>,
+    placement: Placement,
 }
 
 impl Geometry {
@@ -81,122 +70,138 @@ impl Geometry {
     /// # Errors
     /// [`Traversal::RayQuery`] on a device without it, a mesh with too many triangles, out of memory.
     pub fn upload(device: &Arc<Device>, scene: &Scene, traversal: Traversal) -> Result<Geometry, Error> {
-        Geometry::new(&mut Upload::now(device), scene, traversal)
+        Geometry::new(&mut Upload::now(device), scene, &[], traversal)
     }
 
-    /// The same by way of `upload`. One that comes later leaves room for the instances to move.
+    /// The same by way of `upload`. One that comes later leaves room for the instances to move. The meshes of those indices
+    /// come from a host's buffers.
     ///
     /// # Errors
-    /// As of [`Geometry::upload`].
-    pub fn new(upload: &mut Upload, scene: &Scene, traversal: Traversal) -> Result<Geometry, Error> {
+    /// As of [`Geometry::upload`], and a host's mesh that does not go with the scene's or with the traversal.
+    pub fn new(
+        upload: &mut Upload,
+        scene: &Scene,
+        host_meshes: &[(u32, HostMesh)],
+        traversal: Traversal,
+    ) -> Result<Geometry, Error> {
         let device = upload.device().clone();
-        let mut uploader = Uploader { upload, buffers: Vec::new() };
-        let mut records = Vec::with_capacity(scene.meshes.len());
-        for mesh in &scene.meshes {
-            records.push(uploader.mesh(mesh)?);
-        }
+        let gatherer = Gatherer::default();
+        let hosts: HashMap<usize, &HostMesh> =
+            host_meshes.iter().map(|(index, mesh)| (*index as usize, mesh)).collect();
+        let trees: Vec<Option<Bvh>> = match traversal {
+            Traversal::Bvh => {
+                let trees = scene.meshes.par_iter().map(|mesh| Ok(Some(tree_over(mesh, MAX_STACK)?)));
+                trees.collect::<Result<_, Error>>()?
+            }
+            Traversal::RayQuery => vec![None; scene.meshes.len()],
+        };
         let mut stack = 0;
-        let mut bounds = Vec::new();
-        let mut structures = Vec::new();
-        match traversal {
-            Traversal::Bvh => {
-                let trees: Vec<Bvh> = scene.meshes.par_iter().map(build).collect::<Result<_, _>>()?;
-                for ((mesh, record), tree) in scene.meshes.iter().zip(&mut records).zip(&trees) {
-                    stack = stack.max(tree.stack);
-                    record.nodes = uploader.upload(&mesh.name, &tree.nodes)?;
-                    let mut triangles = tree.leaf_triangles(mesh);
-                    // A packet's lanes read whole words of the last triangle, and beyond it.
-                    triangles.extend([LeafTriangle::zeroed(); 4]);
-                    record.leaf_triangles = uploader.upload::<LeafTriangle>(&mesh.name, &triangles)?;
-                    bounds.push(tree.bounds);
-                }
-            }
-            Traversal::RayQuery => {
-                for (mesh, record) in scene.meshes.iter().zip(&records) {
-                    structures.push(uploader.upload.blas(&[BlasGeometry {
-                        positions: record.positions,
-                        vertex_count: mesh.positions.len() as u32,
-                        indices: record.indices,
-                        triangle_count: mesh.triangles.len() as u32,
-                    }])?);
-                }
-            }
+        let mut meshes = Vec::with_capacity(scene.meshes.len());
+        for (index, (mesh, tree)) in scene.meshes.iter().zip(trees).enumerate() {
+            stack = stack.max(tree.as_ref().map_or(0, |tree| tree.stack));
+            let arrays = match hosts.get(&index) {
+                Some(host) => MeshArrays::gathered(upload, &gatherer, mesh, host)?,
+                None => MeshArrays::uploaded(upload, mesh)?,
+            };
+            meshes.push(Arc::new(DeviceMesh::new(upload, mesh, arrays, tree)?));
         }
-        let first = uploader.upload("mesh records", &records)?;
-        let Uploader { upload, buffers } = uploader;
-        let meshes: Vec<u64> =
-            (0..records.len()).map(|index| first + (index * size_of::<MeshRecord>()) as u64).collect();
-        let meshes = upload.buffer("meshes", &meshes)?;
+        let records: Vec<MeshRecord> = meshes.iter().map(|mesh| mesh.record()).collect();
+        let records = upload.buffer("mesh records", &records)?;
+        let addresses: Vec<u64> =
+            (0..meshes.len()).map(|index| records.address() + (index * size_of::<MeshRecord>()) as u64).collect();
+        let addresses = upload.buffer("meshes", &addresses)?;
         let instances = upload.buffer("instances", &instance_records(scene))?;
-        let mut placement = Placement { instances, nodes: None, tlas: None };
-        match traversal {
+        let top = match traversal {
             Traversal::Bvh => {
-                let top = over_instances(scene, &bounds, MAX_STACK);
-                stack = stack.max(top.stack);
+                let tree = Bvh::over_single_boxes(&world_boxes(scene, &meshes), MAX_STACK);
+                stack = stack.max(tree.stack);
                 if upload.is_later() {
                     stack = stack.max(Bvh::balanced_stack(scene.instances.len()));
                 }
-                placement.nodes = Some(upload.buffer::<BvhNode>("tree over instances", &top.nodes)?);
+                let nodes = upload.buffer::<BvhNode>("tree over instances", &tree.nodes)?;
+                Top::Tree { tree: Arc::new(tree), nodes }
             }
-            Traversal::RayQuery => placement.tlas = Some(upload.tlas(&tlas_instances(scene, &structures))?),
-        }
+            Traversal::RayQuery => Top::Structure(upload.tlas(&tlas_instances(scene, &meshes), Update::Rebuild)?),
+        };
         Ok(Geometry {
             meshes,
-            placement,
-            bounds,
-            structures,
+            records,
+            addresses,
+            placement: Placement { instances, top },
+            gatherer,
             stack,
             is_cpu: device.profile().is_cpu,
             subgroup_size: device.limits().subgroup_size,
-            buffers,
         })
     }
 
-    /// The instances of a scene with the same meshes, their top level built anew: a tree here, an acceleration structure where
-    /// the upload is recorded. Nothing changes until [`Geometry::place`].
+    /// The scene's instances as they are now, over its meshes, of which some have been deformed. The top level follows as told: a
+    /// tree here, an acceleration structure where the upload is recorded. Nothing changes until [`Geometry::take`].
     ///
     /// # Errors
-    /// Out of memory, or so many more instances that the kernels' stack is too small for a tree over them.
-    pub fn placed(&self, upload: &mut Upload, scene: &Scene) -> Result<Placement, Error> {
+    /// Out of memory, a host's vertices that are not those of the mesh, or a tree that the kernels' stack is too small for.
+    pub fn changed(
+        &self,
+        upload: &mut Upload,
+        scene: &Scene,
+        deformed: &[Deformed],
+        top_level: Update,
+    ) -> Result<NextGeometry, Error> {
+        let mut meshes = self.meshes.clone();
+        for change in deformed {
+            let (now, mesh) = (&self.meshes[change.mesh], &scene.meshes[change.mesh]);
+            meshes[change.mesh] = Arc::new(now.deformed(upload, &self.gatherer, mesh, change, self.stack)?);
+        }
+        if !deformed.is_empty() {
+            let records: Vec<MeshRecord> = meshes.iter().map(|mesh| mesh.record()).collect();
+            upload.write(&self.records, &records)?;
+        }
         let now = &self.placement;
-        let mut next = Placement {
-            instances: overwrite(upload, Some(&now.instances), "instances", &instance_records(scene))?,
-            nodes: None,
-            tlas: None,
-        };
-        if let Some(nodes) = &now.nodes {
-            let top = over_instances(scene, &self.bounds, self.stack);
-            if top.stack > self.stack {
-                return Err(Error::Fixed { what: format!("a tree over {} instances", scene.instances.len()) });
-            }
-            next.nodes = Some(overwrite(upload, Some(nodes), "tree over instances", &top.nodes)?);
-        }
-        if let Some(tlas) = &now.tlas {
-            let instances = tlas_instances(scene, &self.structures);
-            next.tlas = Some(match tlas.count() == instances.len() {
-                true => {
-                    upload.rebuild(tlas, &instances)?;
-                    tlas.clone()
+        let instances = overwrite(upload, Some(&now.instances), "instances", &instance_records(scene))?;
+        let top = match &now.top {
+            Top::Tree { tree, nodes } => {
+                let boxes = world_boxes(scene, &meshes);
+                let tree = match top_level == Update::Refit && tree.order.len() == boxes.len() {
+                    true => tree.refitted(&boxes),
+                    false => Bvh::over_single_boxes(&boxes, self.stack),
+                };
+                if tree.stack > self.stack {
+                    return Err(Error::Fixed { what: format!("a tree over {} instances", scene.instances.len()) });
                 }
-                false => upload.tlas(&instances)?,
-            });
+                let nodes = overwrite(upload, Some(nodes), "tree over instances", &tree.nodes)?;
+                Top::Tree { tree: Arc::new(tree), nodes }
+            }
+            Top::Structure(tlas) => {
+                let instances = tlas_instances(scene, &meshes);
+                Top::Structure(match tlas.follows(&instances, top_level) {
+                    true => {
+                        upload.update_tlas(tlas, &instances, top_level)?;
+                        tlas.clone()
+                    }
+                    false => upload.tlas(&instances, top_level)?,
+                })
+            }
+        };
+        let meshes = (!deformed.is_empty()).then_some(meshes);
+        Ok(NextGeometry { meshes, placement: Placement { instances, top } })
+    }
+
+    /// Takes what [`Geometry::changed`] made; returns what was there, for as long as work may use it.
+    pub fn take(&mut self, next: NextGeometry) -> NextGeometry {
+        NextGeometry {
+            meshes: next.meshes.map(|meshes| std::mem::replace(&mut self.meshes, meshes)),
+            placement: std::mem::replace(&mut self.placement, next.placement),
         }
-        Ok(next)
     }
 
-    /// Takes what [`Geometry::placed`] made; returns what was there, for as long as work may use it.
-    pub fn place(&mut self, placement: Placement) -> Placement {
-        std::mem::replace(&mut self.placement, placement)
-    }
-
-    /// What [`Geometry::place`] took last.
+    /// Where the meshes stand.
     pub fn placement(&self) -> &Placement {
         &self.placement
     }
 
     /// Where the kernels find the meshes.
     pub fn meshes_address(&self) -> u64 {
-        self.meshes.address()
+        self.addresses.address()
     }
 
     /// What a kernel that includes `lib/trace_bvh.glsl` is to be specialized with, as (id, value): whether subgroups walk as
@@ -217,9 +222,17 @@ impl Geometry {
 
     /// Bytes of device memory, acceleration structures of the driver's excepted.
     pub fn bytes(&self) -> u64 {
-        let Placement { instances, nodes, .. } = &self.placement;
-        let buffers = self.buffers.iter().chain([&self.meshes, instances]).chain(nodes);
-        buffers.map(|buffer| buffer.size()).sum()
+        let Placement { instances, top } = &self.placement;
+        let nodes = if let Top::Tree { nodes, .. } = top { nodes.size() } else { 0 };
+        let meshes: u64 = self.meshes.iter().map(|mesh| mesh.bytes()).sum();
+        meshes + self.records.size() + self.addresses.size() + instances.size() + nodes
+    }
+}
+
+impl NextGeometry {
+    /// Where the meshes stand.
+    pub fn placement(&self) -> &Placement {
+        &self.placement
     }
 }
 
@@ -231,12 +244,12 @@ impl Placement {
 
     /// Where the kernels find the tree over instances; 0 for ray query.
     pub fn nodes_address(&self) -> u64 {
-        self.nodes.as_ref().map_or(0, |nodes| nodes.address())
+        if let Top::Tree { nodes, .. } = &self.top { nodes.address() } else { 0 }
     }
 
     /// The top-level acceleration structure, for ray query.
     pub fn tlas(&self) -> Option<&Tlas> {
-        self.tlas.as_deref()
+        if let Top::Structure(tlas) = &self.top { Some(tlas) } else { None }
     }
 }
 
@@ -256,46 +269,6 @@ pub(super) fn overwrite<T: bytemuck::Pod>(
     }
 }
 
-struct Uploader<'a> {
-    upload: &'a mut Upload,
-    buffers: Vec<Arc<Buffer>>,
-}
-
-impl Uploader<'_> {
-    /// The address of a copy of the data; null for none.
-    fn upload<T: bytemuck::Pod>(&mut self, name: &str, data: &[T]) -> Result<u64, Error> {
-        if data.is_empty() {
-            return Ok(0);
-        }
-        let buffer = self.upload.buffer(name, data)?;
-        let address = buffer.address();
-        self.buffers.push(buffer);
-        Ok(address)
-    }
-
-    fn mesh(&mut self, mesh: &Mesh) -> Result<MeshRecord, Error> {
-        let materials = if mesh.materials.len() == 1 { &[] } else { mesh.materials.as_slice() };
-        Ok(MeshRecord {
-            positions: self.upload(&mesh.name, &mesh.positions)?,
-            normals: self.upload(&mesh.name, &mesh.normals)?,
-            uvs: self.upload(&mesh.name, &mesh.uvs)?,
-            indices: self.upload(&mesh.name, &mesh.triangles)?,
-            materials: self.upload(&mesh.name, materials)?,
-            nodes: 0,
-            leaf_triangles: 0,
-            material: mesh.materials.first().copied().unwrap_or(0),
-            padding: 0,
-        })
-    }
-}
-
-fn build(mesh: &Mesh) -> Result<Bvh, Error> {
-    if mesh.triangles.len() > MAX_PRIMITIVES {
-        return Err(Error::MeshSize { mesh: mesh.name.clone(), triangles: mesh.triangles.len(), most: MAX_PRIMITIVES });
-    }
-    Ok(Bvh::over_triangles(mesh))
-}
-
 fn instance_records(scene: &Scene) -> Vec<InstanceRecord> {
     let record = |instance: &Instance| InstanceRecord {
         object_to_world: instance.object_to_world.to_cols_array(),
@@ -305,14 +278,13 @@ fn instance_records(scene: &Scene) -> Vec<InstanceRecord> {
     scene.instances.iter().map(record).collect()
 }
 
-/// A tree over the instances' boxes in the world, for such a stack if that can be. Its leaves hold an instance's index each.
-fn over_instances(scene: &Scene, bounds: &[Bounds], stack: u32) -> Bvh {
-    let boxes: Vec<Bounds> = scene
-        .instances
-        .iter()
-        .map(|instance| world_box(&bounds[instance.mesh as usize], &instance.object_to_world))
-        .collect();
-    Bvh::over_single_boxes(&boxes, stack)
+/// Boxes around the instances in the world.
+fn world_boxes(scene: &Scene, meshes: &[Arc<DeviceMesh>]) -> Vec<Bounds> {
+    let around = |instance: &Instance| {
+        let mesh = &meshes[instance.mesh as usize];
+        world_box(&mesh.tree_bounds(), &instance.object_to_world)
+    };
+    scene.instances.iter().map(around).collect()
 }
 
 /// The box in the world around a box that is moved, with room for the rounding of rays that go the other way.
@@ -339,17 +311,15 @@ fn inverse(transform: &Affine3A) -> [f32; 12] {
     wide(transform).inverse().to_cols_array().map(|number| number as f32)
 }
 
-fn tlas_instances(scene: &Scene, structures: &[Arc<Blas>]) -> Vec<TlasInstance> {
-    (0..)
-        .zip(&scene.instances)
-        .map(|(index, instance)| {
-            let columns = instance.object_to_world.to_cols_array();
-            TlasInstance {
-                blas: structures[instance.mesh as usize].clone(),
-                transform: std::array::from_fn(|i| columns[i % 4 * 3 + i / 4]),
-                custom_index: index,
-                mask: 0xff,
-            }
+fn tlas_instances(scene: &Scene, meshes: &[Arc<DeviceMesh>]) -> Vec<TlasInstance> {
+    let placed = |(index, instance): (u32, &Instance)| {
+        let columns = instance.object_to_world.to_cols_array();
+        Some(TlasInstance {
+            blas: meshes[instance.mesh as usize].structure()?.clone(),
+            transform: std::array::from_fn(|i| columns[i % 4 * 3 + i / 4]),
+            custom_index: index,
+            mask: 0xff,
         })
-        .collect()
+    };
+    (0..).zip(&scene.instances).filter_map(placed).collect()
 }

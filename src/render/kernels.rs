@@ -25,7 +25,7 @@ pub struct KernelPlan {
 pub struct Features {
     /// Bit f: a material of family f is on a mesh.
     pub families: u32,
-    /// Queues of [`Family::NeuBrdf`], ≥ 1: one a model.
+    /// Queues of [`Family::NeuBrdf`], one a model: from 1 to [`Features::MOST_NEUBRDF_QUEUES`].
     pub neubrdf_queues: u32,
     /// Some triangle emits.
     pub emitters: bool,
@@ -62,6 +62,9 @@ impl Features {
             instanced: is_instanced(scene),
         }
     }
+
+    /// More models than this share queues.
+    pub const MOST_NEUBRDF_QUEUES: u32 = 16;
 
     /// No feature at all.
     pub const NONE: Features = Features {

@@ -220,23 +220,28 @@ impl DeviceMaterials {
         Ok((uploaded, packed.neubrdf_shape))
     }
 
-    /// Replaces the materials of those indices by what the scene has there; `before` are those that were packed.
+    /// Replaces the materials of those indices by what the scene has there; `before` are those that were packed. BRDFs of which
+    /// indices are others than they were, too.
     pub fn replace(
         &mut self,
         upload: &mut Upload,
         (before, now): (&[Material], &[Material]),
-        changed: &[usize],
+        (changed, changed_brdfs): (&[usize], &[usize]),
         brdfs: &[Arc<Brdf>],
         shape: &NeuBrdfShape,
     ) -> Result<(), Error> {
         let (prepared, tables) = (self.prepared.clone(), self.tables.clone());
-        for &index in changed {
+        for (place, &index) in changed.iter().enumerate() {
             let Material { surface, .. } = &now[index];
-            // What costs time is shared with whichever material had it before.
-            let twin = before.iter().position(|material| is_alike(&material.surface, surface));
-            (self.prepared[index], self.tables[index]) = match twin {
-                Some(twin) => (prepared[twin].clone(), tables[twin].clone()),
-                None => {
+            let is_new = matches!(surface, Surface::Measured { brdf } if changed_brdfs.contains(&(*brdf as usize)));
+            // What costs time is shared with whichever material had it before, or has it already.
+            let alike = |material: &Material| is_alike(&material.surface, surface);
+            let had = || before.iter().position(alike).filter(|_| !is_new);
+            let has = changed[..place].iter().find(|other| alike(&now[**other]));
+            (self.prepared[index], self.tables[index]) = match (has, had()) {
+                (Some(twin), _) => (self.prepared[*twin].clone(), self.tables[*twin].clone()),
+                (None, Some(twin)) => (prepared[twin].clone(), tables[twin].clone()),
+                (None, None) => {
                     let prepared = Arc::new(Prepared::new(surface, brdfs));
                     let table = table(surface, &prepared, brdfs, shape);
                     let table = table.map(|words| upload.buffer("material table", &words)).transpose()?;

@@ -7,9 +7,11 @@ pub mod bvh;
 
 mod brdf_table;
 mod checkpoint;
+mod device_mesh;
 mod device_scene;
 mod error;
 mod film;
+mod gather;
 mod geometry;
 mod intersector;
 mod kernels;
@@ -24,9 +26,12 @@ mod settings;
 
 pub use brdf_table::BRDF_STRUCTS;
 pub use checkpoint::{Checkpoint, Identity};
+pub(crate) use device_mesh::Deformed;
+pub use device_mesh::{MESH_STRUCTS, MeshRecord};
 pub(crate) use device_scene::Changed;
 pub use error::Error;
-pub use geometry::{GEOMETRY_STRUCTS, Geometry, InstanceRecord, MeshRecord};
+pub use gather::GATHER_STRUCTS;
+pub use geometry::{Geometry, INSTANCE_STRUCTS, InstanceRecord};
 pub use intersector::{Intersector, Query, RAY_STRUCTS, Ray, RayBatch, RayHit};
 pub use kernels::{Features, KernelPlan};
 pub use layout::{FeaturePixel, FilmPixel, SceneTable, WAVEFRONT_STRUCTS};

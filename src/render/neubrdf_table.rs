@@ -6,6 +6,7 @@ use bytemuck::cast_slice;
 use half::f16;
 
 use super::brdf_table;
+use super::kernels::Features;
 use crate::gpu::Device;
 use crate::scene::Brdf;
 use crate::scene::brdf::{CornerWeights, Dense, NO_CODE, NeuBrdf, Precision, SphereTable};
@@ -101,7 +102,21 @@ impl NeuBrdfShape {
         })
     }
 
-    /// The same, for a device. Invocations of CPU drivers share loads: these would not notice that all load the same.
+    /// Whether kernels that are built for it evaluate that model too.
+    pub fn holds(&self, model: &NeuBrdf) -> bool {
+        let one = NeuBrdfShape::of([model], self.precision);
+        one.feature_groups <= self.feature_groups
+            && one.hidden_groups <= self.hidden_groups
+            && one.layers <= self.layers
+            && one.is_isotropic <= self.is_isotropic
+    }
+
+    /// Whether its numbers hold those of that model as they are.
+    pub fn is_exact_for(&self, model: &NeuBrdf) -> bool {
+        self.precision == Precision::F32 || neubrdf_precision([model]) == Precision::F16
+    }
+
+    /// The shape for a device. Invocations of CPU drivers share loads: these would not notice that all load the same.
     pub fn on(self, device: &Device) -> NeuBrdfShape {
         let subgroup_size = device.limits().subgroup_size;
         let shares = device.profile().is_cpu && (2..=MOST_LANES).contains(&subgroup_size);
@@ -126,18 +141,17 @@ pub fn neubrdfs<'a>(brdfs: impl IntoIterator<Item = &'a Brdf>) -> impl Iterator<
     brdfs.into_iter().filter_map(|brdf| if let Brdf::NeuBrdf(model) = brdf { Some(&**model) } else { None })
 }
 
-/// Most queues of paths that hit NeuBRDFs.
-const MOST_QUEUES: u32 = 16;
-
 /// How many queues a scene with these BRDFs needs for paths that hit NeuBRDFs, ≥ 1: a model each, unless there are too many.
 pub fn neubrdf_queues(brdfs: &[Arc<Brdf>]) -> u32 {
-    (neubrdfs(brdfs.iter().map(Arc::as_ref)).count() as u32).clamp(1, MOST_QUEUES)
+    (neubrdfs(brdfs.iter().map(Arc::as_ref)).count() as u32).clamp(1, Features::MOST_NEUBRDF_QUEUES)
 }
 
 /// Which of them takes those that hit BRDF `brdf`; 0 for all that are no NeuBRDF.
 pub fn neubrdf_queue(brdfs: &[Arc<Brdf>], brdf: usize) -> u32 {
     match *brdfs[brdf] {
-        Brdf::NeuBrdf(_) => neubrdfs(brdfs[..brdf].iter().map(Arc::as_ref)).count() as u32 % MOST_QUEUES,
+        Brdf::NeuBrdf(_) => {
+            neubrdfs(brdfs[..brdf].iter().map(Arc::as_ref)).count() as u32 % Features::MOST_NEUBRDF_QUEUES
+        }
         _ => 0,
     }
 }

@@ -12,7 +12,7 @@ use super::material_record::Family;
 use super::pool::{Pool, Queue};
 use super::renderer::Options;
 use super::settings::{Settings, Traversal};
-use crate::gpu::{Commands, Device, Upload};
+use crate::gpu::{Commands, Device, HostMesh, Upload};
 use crate::image::Crop;
 use crate::scene::{LightTable, Material, Scene};
 
@@ -33,12 +33,15 @@ pub struct PathTracer {
 
 impl PathTracer {
     /// Uploads the scene and a black film, and builds the kernels: those that the scene needs, able to do what `reserve` has, too.
+    /// The meshes of those indices come from a host's buffers.
     ///
     /// # Errors
-    /// Settings out of range, a traversal that the device lacks, out of memory.
+    /// Settings out of range, a traversal that the device lacks, a host's mesh that does not go with the scene's or with the
+    /// traversal, out of memory.
     pub fn new(
         upload: &mut Upload,
         scene: &Scene,
+        host_meshes: &[(u32, HostMesh)],
         settings: &Settings,
         options: &Options,
         reserve: &Features,
@@ -61,7 +64,8 @@ impl PathTracer {
         if features.has(Family::NeuBrdf) && !device.profile().compiles_neubrdf {
             return Err(Error::NeuBrdf { device: device.name().to_owned() });
         }
-        let device_scene = DeviceScene::new(upload, scene, &lights, &features, traversal, settings.neubrdf_precision)?;
+        let precision = settings.neubrdf_precision;
+        let device_scene = DeviceScene::new(upload, (scene, host_meshes), &lights, &features, traversal, precision)?;
         let kernels = Kernels::build(&device, &features, traversal, settings, &device_scene.specialization())?;
 
         let paths = options.pool_paths.unwrap_or(device.profile().pool_paths).max(1);

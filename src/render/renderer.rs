@@ -40,7 +40,8 @@ impl Renderer {
     /// # Errors
     /// Settings out of range, a traversal that the device lacks, out of memory.
     pub fn new(device: &Arc<Device>, scene: &Scene, settings: &Settings, options: &Options) -> Result<Renderer, Error> {
-        let tracer = PathTracer::new(&mut Upload::now(device), &scene.recentred(), settings, options, &Features::NONE)?;
+        let upload = &mut Upload::now(device);
+        let tracer = PathTracer::new(upload, &scene.recentred(), &[], settings, options, &Features::NONE)?;
         let crop = tracer.film().crop();
         let identity = Identity::new(
             &scene.hash(),

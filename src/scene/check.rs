@@ -40,6 +40,13 @@ fn is_share(value: Vec3) -> bool {
     value.is_finite() && value.min_element() >= 0.0 && value.max_element() <= 1.0
 }
 
+/// What positions are expected to be.
+const POSITIONS: &str = "of coordinates up to 10⁸";
+
+fn are_positions(positions: &[Vec3]) -> bool {
+    positions.iter().all(|position| position.is_finite() && position.abs().max_element() <= LARGEST_COORDINATE)
+}
+
 fn check_fresnel(fresnel: &Fresnel, part: impl Fn(&str) -> String) -> Result<(), Flaw> {
     match fresnel {
         Fresnel::Schlick { f0 } => ensure(is_share(f0.value), || part("F₀"), f0.value, "in [0, 1]"),
@@ -193,11 +200,27 @@ impl Scene {
         }
     }
 
+    /// Checks other vertices for the mesh of that index, which has to be there: as many as it has.
+    ///
+    /// # Errors
+    /// Another number of them, or positions that are not finite or too far away.
+    pub fn check_vertices(&self, index: u32, positions: &[Vec3], normals: &[Vec3]) -> Result<(), Flaw> {
+        ensure_index(|| "index of a mesh".into(), index, self.meshes.len())?;
+        let mesh = &self.meshes[index as usize];
+        let part = |what: &str| format!("{what} of mesh {index} ({})", mesh.name);
+        for (what, found, had) in [
+            ("number of positions", positions.len(), mesh.positions.len()),
+            ("number of normals", normals.len(), mesh.normals.len()),
+        ] {
+            ensure(found == had, || part(what), found, &format!("{had}, as before"))?;
+        }
+        ensure(are_positions(positions), || part("a position"), "not finite, or beyond", POSITIONS)
+    }
+
     fn check_mesh(&self, index: usize, mesh: &Mesh) -> Result<(), Flaw> {
         let part = |what: &str| format!("{what} of mesh {index} ({})", mesh.name);
         let count = mesh.positions.len();
-        let fits = mesh.positions.iter().all(|p| p.is_finite() && p.abs().max_element() <= LARGEST_COORDINATE);
-        ensure(fits, || part("a position"), "not finite, or beyond", "of coordinates up to 10⁸")?;
+        ensure(are_positions(&mesh.positions), || part("a position"), "not finite, or beyond", POSITIONS)?;
         for (what, length) in [("number of normals", mesh.normals.len()), ("number of uvs", mesh.uvs.len())] {
             ensure(length == 0 || length == count, || part(what), length, &format!("0, or {count} as the positions"))?;
         }
@@ -205,7 +228,7 @@ impl Scene {
         vertex.map_or(Ok(()), |vertex| ensure_index(|| part("a vertex index"), *vertex, count))?;
         let materials = mesh.materials.len();
         ensure(
-            materials == 1 || materials == mesh.triangles.len(),
+            materials == 1 || materials == mesh.triangles.len() || mesh.triangles.is_empty(),
             || part("number of materials"),
             materials,
             &format!("1, or {} as the triangles", mesh.triangles.len()),

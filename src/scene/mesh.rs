@@ -4,6 +4,9 @@ use glam::{Affine3A, BVec3, Vec2, Vec3};
 use rayon::slice::ParallelSliceMut;
 
 /// An indexed triangle mesh. Attributes share one index.
+///
+/// One without triangles is not seen, and may stand for one that only a device has (`plugin::Renderer`): its positions are then
+/// opposite corners of a box around that, and its materials are those of the triangles there.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Mesh {
     /// For messages.

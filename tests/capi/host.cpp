@@ -1,7 +1,8 @@
 // A small engine in C++: its own instance, device, queue, command buffer and image, under synchronization validation. It renders an
 // OBJ file, or a scene that it makes itself and then changes, into its image, a few frames in flight, and writes the pixels to a file.
+// A mesh of the made scene is in a vertex buffer of the engine's: with a copy on the CPU, for the BVH, or without one, for ray query.
 //
-//   host SCENE PIXELS DEVICE      SCENE: a file, or `made`
+//   host SCENE PIXELS DEVICE [MATERIAL OTHER]      SCENE: a file, `made`, or `made-on-device`; then MATERIAL and OTHER are files of two
 #include "neubrdf.h"
 
 #include <vulkan/vulkan.h>
@@ -9,6 +10,7 @@
 #include <cstdio>
 #include <cstdlib>
 #include <cstring>
+#include <mutex>
 #include <string>
 #include <vector>
 
@@ -50,7 +52,8 @@ struct Engine {
     explicit Engine(const char* name);
     ~Engine();
     uint32_t memory_type(uint32_t bits, VkMemoryPropertyFlags flags) const;
-    VkDeviceMemory allocate(const VkMemoryRequirements& needs, VkMemoryPropertyFlags flags) const;
+    VkDeviceMemory allocate(const VkMemoryRequirements& needs, VkMemoryPropertyFlags flags,
+                            VkMemoryAllocateFlags for_addresses = 0) const;
 };
 
 Engine::Engine(const char* name) {
@@ -138,13 +141,102 @@ uint32_t Engine::memory_type(uint32_t bits, VkMemoryPropertyFlags flags) const {
     std::exit(1);
 }
 
-VkDeviceMemory Engine::allocate(const VkMemoryRequirements& needs, VkMemoryPropertyFlags flags) const {
+VkDeviceMemory Engine::allocate(const VkMemoryRequirements& needs, VkMemoryPropertyFlags flags,
+                                VkMemoryAllocateFlags for_addresses) const {
+    VkMemoryAllocateFlagsInfo allocate_flags{VK_STRUCTURE_TYPE_MEMORY_ALLOCATE_FLAGS_INFO};
+    allocate_flags.flags = for_addresses;
     VkMemoryAllocateInfo info{VK_STRUCTURE_TYPE_MEMORY_ALLOCATE_INFO};
+    info.pNext = &allocate_flags;
     info.allocationSize = needs.size;
     info.memoryTypeIndex = memory_type(needs.memoryTypeBits, flags);
     VkDeviceMemory memory;
     CHECK(vkAllocateMemory(device, &info, nullptr, &memory));
     return memory;
+}
+
+static const float positions[] = {-1, 0, 1, 1, 0, 1, 1, 0, -1, -1, 0, -1};
+static const float bent_positions[] = {-1, 0.25f, 1, 1, 0, 1, 1, 0, -1, -1, 0, -1};
+static const float uvs[] = {0, 0, 1, 0, 1, 1, 0, 1};
+static const uint32_t indices[] = {0, 1, 2, 0, 2, 3};
+
+// A square as engines have it: vertices of position and texture coordinates, and indices of 16 bits, in one buffer. Behind them the
+// positions of another moment.
+struct Square {
+    const Engine& engine;
+    VkBuffer buffer;
+    VkDeviceMemory memory;
+    VkDeviceAddress address;
+
+    static constexpr VkDeviceSize stride = 20, indices_at = 80, bent_at = 92, bytes = 140;
+    explicit Square(const Engine& engine);
+    ~Square();
+};
+
+Square::Square(const Engine& engine) : engine(engine) {
+    VkBufferCreateInfo info{VK_STRUCTURE_TYPE_BUFFER_CREATE_INFO};
+    info.size = bytes;
+    info.usage = VK_BUFFER_USAGE_VERTEX_BUFFER_BIT | VK_BUFFER_USAGE_INDEX_BUFFER_BIT |
+                 VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT;
+    CHECK(vkCreateBuffer(engine.device, &info, nullptr, &buffer));
+    VkMemoryRequirements needs;
+    vkGetBufferMemoryRequirements(engine.device, buffer, &needs);
+    memory = engine.allocate(needs, VK_MEMORY_PROPERTY_HOST_VISIBLE_BIT | VK_MEMORY_PROPERTY_HOST_COHERENT_BIT,
+                             VK_MEMORY_ALLOCATE_DEVICE_ADDRESS_BIT);
+    CHECK(vkBindBufferMemory(engine.device, buffer, memory, 0));
+    void* mapped;
+    CHECK(vkMapMemory(engine.device, memory, 0, bytes, 0, &mapped));
+    char* out = static_cast<char*>(mapped);
+    for (int vertex = 0; vertex < 4; ++vertex) {
+        std::memcpy(out + stride * vertex, positions + 3 * vertex, 12);
+        std::memcpy(out + stride * vertex + 12, uvs + 2 * vertex, 8);
+    }
+    for (int corner = 0; corner < 6; ++corner) {
+        const uint16_t index = uint16_t(indices[corner]);
+        std::memcpy(out + indices_at + 2 * corner, &index, 2);
+    }
+    std::memcpy(out + bent_at, bent_positions, sizeof bent_positions);
+    vkUnmapMemory(engine.device, memory);
+    VkBufferDeviceAddressInfo address_info{VK_STRUCTURE_TYPE_BUFFER_DEVICE_ADDRESS_INFO};
+    address_info.buffer = buffer;
+    address = vkGetBufferDeviceAddress(engine.device, &address_info);
+}
+
+Square::~Square() {
+    vkDestroyBuffer(engine.device, buffer, nullptr);
+    vkFreeMemory(engine.device, memory, nullptr);
+}
+
+// The engine's allocator, as simple as can be: a VkDeviceMemory each.
+struct Allocator {
+    const Engine& engine;
+    std::mutex mutex;
+    int given = 0, alive = 0;
+};
+
+static int32_t allocate(void* user, const NeubrdfMemoryRequest* request, NeubrdfMemory* memory) {
+    Allocator& allocator = *static_cast<Allocator*>(user);
+    const std::lock_guard<std::mutex> guard(allocator.mutex);
+    const VkMemoryRequirements needs{request->bytes, request->alignment, request->memory_type_bits};
+    const VkMemoryPropertyFlags visible = VK_MEMORY_PROPERTY_HOST_VISIBLE_BIT | VK_MEMORY_PROPERTY_HOST_COHERENT_BIT;
+    const VkMemoryPropertyFlags local = VK_MEMORY_PROPERTY_DEVICE_LOCAL_BIT;
+    const bool on_device = request->memory_use == NEUBRDF_MEMORY_USE_DEVICE;
+    memory->properties = on_device ? local : visible;
+    memory->memory = allocator.engine.allocate(needs, memory->properties, VK_MEMORY_ALLOCATE_DEVICE_ADDRESS_BIT);
+    if (!on_device) {
+        CHECK(vkMapMemory(allocator.engine.device, memory->memory, 0, VK_WHOLE_SIZE, 0, &memory->mapped));
+    }
+    memory->handle = &allocator.given;
+    allocator.given += 1;
+    allocator.alive += 1;
+    return 0;
+}
+
+static void release(void* user, const NeubrdfMemory* memory) {
+    Allocator& allocator = *static_cast<Allocator*>(user);
+    const std::lock_guard<std::mutex> guard(allocator.mutex);
+    if (memory->handle != &allocator.given) std::exit(1);
+    vkFreeMemory(allocator.engine.device, memory->memory, nullptr);
+    allocator.alive -= 1;
 }
 
 static NeubrdfCamera camera_at(float x, float y, float z) {
@@ -166,7 +258,7 @@ static NeubrdfMaterial material_of(NeubrdfSurface surface, float grey, float alp
 }
 
 // A textured floor and a metal square above it, under a grey sky and a sun.
-static NeubrdfScene* make_scene() {
+static NeubrdfScene* make_scene(const Square& square, bool on_device, const char* file) {
     NeubrdfScene* scene;
     CHECK(neubrdf_scene_create(&scene));
     const float texels[] = {1.0f, 0.5f, 0.25f, 0.25f, 0.5f, 1.0f};
@@ -176,20 +268,33 @@ static NeubrdfScene* make_scene() {
     CHECK(neubrdf_scene_add_material(scene, &floor, nullptr));
     NeubrdfMaterial metal = material_of(NEUBRDF_SURFACE_CONDUCTOR, 0.5f, 0.25f);
     CHECK(neubrdf_scene_add_material(scene, &metal, nullptr));
-    const float positions[] = {-1, 0, 1, 1, 0, 1, 1, 0, -1, -1, 0, -1};
-    const float uvs[] = {0, 0, 1, 0, 1, 1, 0, 1};
-    const uint32_t indices[] = {0, 1, 2, 0, 2, 3};
-    for (uint32_t material = 0; material < 2; ++material) {
-        NeubrdfMesh mesh{};
-        mesh.size = sizeof mesh;
-        mesh.vertex_count = 4;
-        mesh.positions = positions;
-        mesh.uvs = uvs;
-        mesh.indices = indices;
-        mesh.triangle_count = 2;
-        mesh.material = material;
-        CHECK(neubrdf_scene_add_mesh(scene, &mesh, nullptr));
-    }
+    // No mesh has it: what is to come is no larger.
+    CHECK(neubrdf_scene_add_material_file(scene, file, nullptr, nullptr));
+    NeubrdfMesh mesh{};
+    mesh.size = sizeof mesh;
+    mesh.vertex_count = 4;
+    mesh.positions = positions;
+    mesh.uvs = uvs;
+    mesh.indices = indices;
+    mesh.triangle_count = 2;
+    CHECK(neubrdf_scene_add_mesh(scene, &mesh, nullptr));
+    mesh.material = 1;
+    NeubrdfDeviceMesh device_mesh{};
+    device_mesh.size = sizeof device_mesh;
+    device_mesh.vertex_count = 4;
+    device_mesh.positions = square.address;
+    device_mesh.position_stride = Square::stride;
+    device_mesh.uvs = square.address + 12;
+    device_mesh.uv_stride = Square::stride;
+    device_mesh.indices = square.address + Square::indices_at;
+    device_mesh.index_type = VK_INDEX_TYPE_UINT16;
+    device_mesh.triangle_count = 2;
+    device_mesh.material = 1;
+    device_mesh.lower[0] = device_mesh.lower[2] = -1;
+    device_mesh.upper[0] = device_mesh.upper[2] = 1;
+    uint32_t index = 0;
+    CHECK(neubrdf_scene_add_device_mesh(scene, &device_mesh, on_device ? nullptr : &mesh, &index));
+    if (index != 1) std::exit(1);
     CHECK(neubrdf_scene_add_instance(scene, 0, nullptr, nullptr));
     const float above[] = {0.5f, 0, 0, 0, 0, 0.5f, 0, 0.5f, 0, 0, 0.5f, 0};
     CHECK(neubrdf_scene_add_instance(scene, 1, above, nullptr));
@@ -203,23 +308,44 @@ static NeubrdfScene* make_scene() {
 }
 
 // All that can change.
-static void change(NeubrdfRenderer* renderer) {
+static void change(NeubrdfRenderer* renderer, const Square& square, bool on_device, const char* file) {
     NeubrdfCamera camera = camera_at(1, 2, 2);
     CHECK(neubrdf_renderer_set_camera(renderer, &camera));
     const uint32_t instance = 1;
     const float higher[] = {0.5f, 0, 0, 0.25f, 0, 0.5f, 0, 0.75f, 0, 0, 0.5f, 0};
     CHECK(neubrdf_renderer_set_transforms(renderer, &instance, higher, 1));
-    NeubrdfMaterial metal = material_of(NEUBRDF_SURFACE_CONDUCTOR, 0.25f, 0.5f);
-    CHECK(neubrdf_renderer_set_material(renderer, 1, &metal));
+    const uint32_t meshes[] = {1, 0};
+    float both[24] = {};
+    std::memcpy(both, higher, sizeof higher);
+    both[12] = both[17] = both[22] = 1;
+    CHECK(neubrdf_renderer_set_instances(renderer, meshes, both, 2));
+    // Another shape, which the device reads from the engine's buffer.
+    CHECK(neubrdf_renderer_set_top_level(renderer, NEUBRDF_UPDATE_REFIT));
+    NeubrdfDeformation bent{};
+    bent.size = sizeof bent;
+    bent.by = NEUBRDF_UPDATE_REFIT;
+    bent.vertex_count = 4;
+    bent.device_positions = square.address + Square::bent_at;
+    if (!on_device) bent.positions = bent_positions;
+    bent.lower[0] = bent.lower[2] = -1;
+    bent.upper[0] = bent.upper[2] = 1;
+    bent.upper[1] = 0.25f;
+    CHECK(neubrdf_renderer_deform(renderer, 1, &bent));
+    NeubrdfMaterial floor = material_of(NEUBRDF_SURFACE_DIFFUSE, 0.5f, 0.0f);
+    floor.texture = 1;
+    CHECK(neubrdf_renderer_set_material(renderer, 0, &floor));
+    CHECK(neubrdf_renderer_set_material_file(renderer, 1, file, nullptr));
     const float sky[] = {0.25f, 0.5f, 0.75f};
     CHECK(neubrdf_renderer_set_environment(renderer, 1, 1, sky, 0));
     const float towards[] = {0, 1, 0}, irradiance[] = {1, 2, 1};
     CHECK(neubrdf_renderer_set_sun(renderer, towards, irradiance));
 }
 
-static void render(const Engine& engine, const char* file, const char* output) {
+static void render(const Engine& engine, const char* file, const char* output, char** materials) {
     const uint32_t width = 64, height = 48, frames = 4;
-    const bool is_made = std::strcmp(file, "made") == 0;
+    const bool on_device = std::strcmp(file, "made-on-device") == 0;
+    const bool is_made = on_device || std::strcmp(file, "made") == 0;
+    const Square square(engine);
     const VkDeviceSize bytes = VkDeviceSize(width) * height * 16;
 
     // The engine's image, and memory to read it back through.
@@ -254,10 +380,16 @@ static void render(const Engine& engine, const char* file, const char* output) {
     host.device = engine.device;
     host.ray_query = engine.ray_query;
     host.debug_utils = 1;
+    Allocator allocator{engine, {}};
+    if (is_made) {
+        host.allocate = allocate;
+        host.free = release;
+        host.user = &allocator;
+    }
     NeubrdfContext* context;
     CHECK(neubrdf_context_create(&host, &context));
     NeubrdfScene* scene = nullptr;
-    if (is_made) scene = make_scene();
+    if (is_made) scene = make_scene(square, on_device, materials[0]);
     else CHECK(neubrdf_scene_load(file, &scene));
     CHECK(neubrdf_scene_set_film(scene, width, height));
     NeubrdfOptions options{};
@@ -265,6 +397,9 @@ static void render(const Engine& engine, const char* file, const char* output) {
     options.max_depth = 5;
     options.seed = 3;
     options.frames_in_flight = frames;
+    options.reserve = is_made ? NEUBRDF_RESERVE_NEUBRDF : 0;
+    options.neubrdf_count = 2;
+    options.traversal = on_device ? NEUBRDF_TRAVERSAL_RAY_QUERY : NEUBRDF_TRAVERSAL_AUTO;
     NeubrdfRenderer* renderer;
     CHECK(neubrdf_renderer_create(context, scene, &options, &renderer));
     neubrdf_scene_destroy(scene);
@@ -280,7 +415,7 @@ static void render(const Engine& engine, const char* file, const char* output) {
     CHECK(vkCreateFence(engine.device, &fence_info, nullptr, &fence));
     uint64_t ticket = 0;
     for (uint32_t i = 0; i < frames; ++i) {
-        if (is_made && i == 1) change(renderer);
+        if (is_made && i == 1) change(renderer, square, on_device, materials[1]);
         VkCommandBufferBeginInfo begin{VK_STRUCTURE_TYPE_COMMAND_BUFFER_BEGIN_INFO};
         CHECK(vkBeginCommandBuffer(commands[i], &begin));
         NeubrdfTarget target{};
@@ -325,6 +460,7 @@ static void render(const Engine& engine, const char* file, const char* output) {
 
     neubrdf_renderer_destroy(renderer);
     neubrdf_context_destroy(context);
+    std::printf("%d pieces of the engine's memory, %d left\n", allocator.given, allocator.alive);
     vkDestroyFence(engine.device, fence, nullptr);
     vkDestroyBuffer(engine.device, buffer, nullptr);
     vkFreeMemory(engine.device, buffer_memory, nullptr);
@@ -333,13 +469,13 @@ static void render(const Engine& engine, const char* file, const char* output) {
 }
 
 int main(int argc, char** argv) {
-    if (argc != 4) {
-        std::fprintf(stderr, "usage: host SCENE PIXELS DEVICE\n");
+    if (argc != 4 && argc != 6) {
+        std::fprintf(stderr, "usage: host SCENE PIXELS DEVICE [MATERIAL OTHER]\n");
         return 2;
     }
     {
         Engine engine(argv[3]);
-        render(engine, argv[1], argv[2]);
+        render(engine, argv[1], argv[2], argv + 4);
     }
     std::printf("validation messages: %d\n", messages);
     return 0;

@@ -48,6 +48,16 @@ static void scenes(const char *file) {
     mesh.size = sizeof mesh;
     mesh.vertex_count = 3;
     EXPECT(neubrdf_scene_add_mesh(scene, &mesh, NULL), NEUBRDF_RESULT_INVALID_ARGUMENT, "positions");
+    NeubrdfDeviceMesh device_mesh;
+    memset(&device_mesh, 0, sizeof device_mesh);
+    EXPECT(neubrdf_scene_add_device_mesh(scene, &device_mesh, NULL, NULL), NEUBRDF_RESULT_INVALID_ARGUMENT, "sizeof");
+    device_mesh.size = sizeof device_mesh;
+    EXPECT(neubrdf_scene_add_device_mesh(scene, &device_mesh, NULL, NULL), NEUBRDF_RESULT_INVALID_ARGUMENT, "indices is 0");
+    device_mesh.indices = 256;
+    device_mesh.index_type = VK_INDEX_TYPE_UINT16;
+    EXPECT(neubrdf_scene_add_device_mesh(scene, &device_mesh, NULL, NULL), NEUBRDF_RESULT_INVALID_ARGUMENT, "positions is 0");
+    device_mesh.index_type = VK_INDEX_TYPE_NONE_KHR;
+    EXPECT(neubrdf_scene_add_device_mesh(scene, &device_mesh, NULL, NULL), NEUBRDF_RESULT_INVALID_ARGUMENT, "index_type");
     EXPECT(neubrdf_scene_add_texture(scene, 0, 4, NULL, NULL), NEUBRDF_RESULT_INVALID_ARGUMENT, "0x4");
     EXPECT(neubrdf_scene_add_material_file(scene, "/nowhere.neubrdf", NULL, NULL), NEUBRDF_RESULT_SCENE, "/nowhere");
     const float down[3] = {0, 0, 0};
@@ -60,6 +70,10 @@ static void scenes(const char *file) {
     neubrdf_scene_destroy(NULL);
 }
 
+static void give_back(void *user, const NeubrdfMemory *memory) {
+    (void)user, (void)memory;
+}
+
 static void devices(void) {
     NeubrdfHost host;
     memset(&host, 0, sizeof host);
@@ -67,9 +81,16 @@ static void devices(void) {
     EXPECT(neubrdf_context_create(NULL, &context), NEUBRDF_RESULT_INVALID_ARGUMENT, "NeubrdfHost");
     host.size = sizeof host;
     EXPECT(neubrdf_context_create(&host, &context), NEUBRDF_RESULT_INVALID_ARGUMENT, "get_instance_proc_addr");
+    host.get_instance_proc_addr = vkGetInstanceProcAddr;
+    host.free = give_back;
+    EXPECT(neubrdf_context_create(&host, &context), NEUBRDF_RESULT_INVALID_ARGUMENT, "free without .allocate");
     EXPECT(neubrdf_renderer_create(NULL, NULL, NULL, NULL), NEUBRDF_RESULT_INVALID_ARGUMENT, "context is null");
     EXPECT(neubrdf_renderer_record(NULL, NULL, NULL, NULL), NEUBRDF_RESULT_INVALID_ARGUMENT, "renderer is null");
     EXPECT(neubrdf_renderer_complete(NULL, 0, NULL), NEUBRDF_RESULT_INVALID_ARGUMENT, "renderer is null");
+    EXPECT(neubrdf_renderer_set_instances(NULL, NULL, NULL, 1), NEUBRDF_RESULT_INVALID_ARGUMENT, "object_to_world");
+    EXPECT(neubrdf_renderer_set_top_level(NULL, 0), NEUBRDF_RESULT_INVALID_ARGUMENT, "renderer is null");
+    EXPECT(neubrdf_renderer_deform(NULL, 0, NULL), NEUBRDF_RESULT_INVALID_ARGUMENT, "NeubrdfDeformation");
+    EXPECT(neubrdf_renderer_set_material_file(NULL, 0, "", NULL), NEUBRDF_RESULT_INVALID_ARGUMENT, "renderer is null");
     neubrdf_renderer_destroy(NULL);
     neubrdf_context_destroy(NULL);
 }

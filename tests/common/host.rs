@@ -1,5 +1,6 @@
 //! An engine, as far as tests need one: its own instance, device, queue and command buffers, under synchronization
 //! validation, with all that it makes in vectors that it destroys in the end.
+#![allow(dead_code)] // each test file uses a part of it
 
 use std::ffi::{CStr, c_void};
 use std::sync::{Arc, Mutex};
@@ -293,29 +294,72 @@ impl Host {
         result
     }
 
-    fn allocate(&self, requirements: &vk::MemoryRequirements, wanted: vk::MemoryPropertyFlags) -> vk::DeviceMemory {
+    fn allocate(
+        &self,
+        requirements: &vk::MemoryRequirements,
+        wanted: vk::MemoryPropertyFlags,
+        flags: vk::MemoryAllocateFlags,
+    ) -> vk::DeviceMemory {
         let types = self.memory.memory_types_as_slice().iter();
         let fits = |(index, kind): (usize, &vk::MemoryType)| {
             requirements.memory_type_bits >> index & 1 == 1 && kind.property_flags.contains(wanted)
         };
         let index = types.enumerate().position(fits).unwrap() as u32;
+        let mut flags = vk::MemoryAllocateFlagsInfo::default().flags(flags);
         let info = vk::MemoryAllocateInfo::default().allocation_size(requirements.size).memory_type_index(index);
+        let info = info.push_next(&mut flags);
         // SAFETY: the type is one that the requirements allow.
         unsafe { self.device.allocate_memory(&info, None).unwrap() }
     }
 
+    /// A buffer for copies.
     pub fn buffer(&self, size: u64) -> HostMemory {
-        let usage = vk::BufferUsageFlags::TRANSFER_DST | vk::BufferUsageFlags::TRANSFER_SRC;
+        self.buffer_for(size, vk::BufferUsageFlags::TRANSFER_DST | vk::BufferUsageFlags::TRANSFER_SRC)
+    }
+
+    /// A buffer of vertices or indices, as engines have them, and where shaders find it.
+    pub fn mesh_buffer(&self, bytes: &[u8]) -> (HostMemory, u64) {
+        let usage = vk::BufferUsageFlags::TRANSFER_DST | vk::BufferUsageFlags::SHADER_DEVICE_ADDRESS;
+        let buffer = self.buffer_for(bytes.len() as u64, usage);
+        let info = vk::BufferDeviceAddressInfo::default().buffer(buffer.raw);
+        // SAFETY: as many bytes are mapped, the device does not use them yet, and the buffer has an address.
+        unsafe {
+            std::ptr::copy_nonoverlapping(bytes.as_ptr(), buffer.mapped.cast_mut(), bytes.len());
+            let address = self.device.get_buffer_device_address(&info);
+            (buffer, address)
+        }
+    }
+
+    fn buffer_for(&self, size: u64, usage: vk::BufferUsageFlags) -> HostMemory {
+        let flags = match usage.contains(vk::BufferUsageFlags::SHADER_DEVICE_ADDRESS) {
+            true => vk::MemoryAllocateFlags::DEVICE_ADDRESS,
+            false => vk::MemoryAllocateFlags::empty(),
+        };
         let info = vk::BufferCreateInfo::default().size(size).usage(usage);
         // SAFETY: the memory fits; it stays mapped until `free_buffer`.
         unsafe {
             let raw = self.device.create_buffer(&info, None).unwrap();
             let visible = vk::MemoryPropertyFlags::HOST_VISIBLE | vk::MemoryPropertyFlags::HOST_COHERENT;
-            let memory = self.allocate(&self.device.get_buffer_memory_requirements(raw), visible);
+            let memory = self.allocate(&self.device.get_buffer_memory_requirements(raw), visible, flags);
             self.device.bind_buffer_memory(raw, memory, 0).unwrap();
             let mapped = self.device.map_memory(memory, 0, size, vk::MemoryMapFlags::empty()).unwrap();
             HostMemory { raw, memory, mapped: mapped.cast(), size }
         }
+    }
+
+    /// Writes vertices on the device, between what compute shaders read of them before and what they read afterwards.
+    pub fn write_vertices(&self, recording: &Recording, buffer: &HostMemory, bytes: &[u8]) {
+        let (shaders, copies) = (vk::PipelineStageFlags::COMPUTE_SHADER, vk::PipelineStageFlags::TRANSFER);
+        let barrier = |from, to, written, read| {
+            let barrier = vk::MemoryBarrier::default().src_access_mask(written).dst_access_mask(read);
+            let none = vk::DependencyFlags::empty();
+            // SAFETY: the command buffer is being recorded.
+            unsafe { self.device.cmd_pipeline_barrier(recording.commands, from, to, none, &[barrier], &[], &[]) };
+        };
+        barrier(shaders | copies, copies, vk::AccessFlags::TRANSFER_WRITE, vk::AccessFlags::TRANSFER_WRITE);
+        // SAFETY: the bytes are as many as the buffer's.
+        unsafe { self.device.cmd_update_buffer(recording.commands, buffer.raw, 0, bytes) };
+        barrier(copies, shaders, vk::AccessFlags::TRANSFER_WRITE, vk::AccessFlags::SHADER_READ);
     }
 
     pub fn image(&self, size: [u32; 2], format: vk::Format) -> DeviceImage {
@@ -331,7 +375,8 @@ impl Host {
         unsafe {
             let raw = self.device.create_image(&info, None).unwrap();
             let requirements = self.device.get_image_memory_requirements(raw);
-            let memory = self.allocate(&requirements, vk::MemoryPropertyFlags::empty());
+            let memory =
+                self.allocate(&requirements, vk::MemoryPropertyFlags::empty(), vk::MemoryAllocateFlags::empty());
             self.device.bind_image_memory(raw, memory, 0).unwrap();
             DeviceImage { raw, memory, size }
         }
