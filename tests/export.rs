@@ -21,7 +21,7 @@ use rayon::prelude::*;
 
 fn shipped(name: &str) -> NeuBrdf {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/materials");
-    NeuBrdf::load(&folder.join(name).with_extension("neubrdf")).unwrap()
+    NeuBrdf::load(&folder.join(name).with_extension("neubrdf"), None).unwrap()
 }
 
 /// Models by name, as an export takes them.

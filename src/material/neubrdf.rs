@@ -33,11 +33,11 @@ fn dot(weights: &[f32], x: &[f64]) -> f64 {
 /// The weighted sum of the codes at the corners of the pixel of `w`.
 fn features(table: &SphereTable, w: DVec3, corner_weights: CornerWeights) -> Vec<f64> {
     let gathered = table.gather(w, corner_weights);
-    let count = table.features as usize;
+    let count = table.codebook.features as usize;
     let mut sum = vec![0.0; count];
     for (point, weight) in gathered.points.into_iter().zip(gathered.weights) {
         let code = usize::from(table.indices[point as usize]) * count;
-        for (sum, feature) in sum.iter_mut().zip(&table.codes[code..code + count]) {
+        for (sum, feature) in sum.iter_mut().zip(&table.codebook.codes[code..code + count]) {
             *sum += weight * f64::from(*feature);
         }
     }

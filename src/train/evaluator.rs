@@ -34,11 +34,11 @@ impl Evaluator {
     pub fn neubrdf(brdf: &NeuBrdf) -> Evaluator {
         let tables = [brdf.wi.clone(), brdf.wo.clone()];
         let rows = tables.each_ref().map(|table| {
-            let features = table.features as usize;
+            let features = table.codebook.features as usize;
             let row = |index: &u16| {
                 // A point that is no corner has no code, and no one asks.
                 let code = if *index == NO_CODE { 0 } else { usize::from(*index) };
-                &table.codes[code * features..][..features]
+                &table.codebook.codes[code * features..][..features]
             };
             table.indices.iter().flat_map(row).copied().collect()
         });
@@ -76,7 +76,8 @@ impl Evaluator {
             Some(Features { tables, rows, corner_weights, .. }) => {
                 let frame = in_frame(wo, wi, self.is_isotropic);
                 let sides = [0, 1];
-                let views = sides.map(|side| Rows { features: tables[side].features as usize, rows: &rows[side] });
+                let views =
+                    sides.map(|side| Rows { features: tables[side].codebook.features as usize, rows: &rows[side] });
                 gather_features(
                     &views,
                     &sides.map(|side| Corners::of(&tables[side], frame[side], *corner_weights)),

@@ -1,8 +1,10 @@
 //! From what was trained to what is stored.
 
+use std::sync::Arc;
+
 use super::network::Network;
 use super::table::Table;
-use crate::scene::brdf::{Dense, NO_CODE, Nbrdf, SphereGrid, SphereTable};
+use crate::scene::brdf::{Codebook, Dense, NO_CODE, Nbrdf, SphereGrid, SphereTable};
 
 /// The layers as files hold them.
 pub fn layers(network: &Network) -> Vec<Dense> {
@@ -42,7 +44,6 @@ pub fn sphere_table(table: &Table, grid: SphereGrid, seen: &[bool]) -> SphereTab
     let features = table.features;
     let mut result = whole_table(grid);
     // Codes that points of their own name may be more than files can number; after pruning few are left.
-    result.features = features as u32;
     let kept = kept_points(grid, seen);
     let mut number = vec![None; table.codes.len() / features];
     let mut codes = Vec::new();
@@ -54,7 +55,7 @@ pub fn sphere_table(table: &Table, grid: SphereGrid, seen: &[bool]) -> SphereTab
             next.min(usize::from(NO_CODE) - 1) as u16
         });
     }
-    result.codes = codes;
+    result.codebook = Arc::new(Codebook { features: features as u32, codes });
     result.prune(|pixel| seen[pixel as usize]);
     result
 }
@@ -70,7 +71,8 @@ fn kept_points(grid: SphereGrid, seen: &[bool]) -> Vec<bool> {
 
 /// A grid in which each point counts, before it has codes.
 pub fn whole_table(grid: SphereGrid) -> SphereTable {
-    SphereTable { grid, features: 1, codes: Vec::new(), indices: vec![0; grid.point_count()], levels: Vec::new() }
+    let codebook = Arc::new(Codebook { features: 1, codes: Vec::new() });
+    SphereTable { grid, codebook, indices: vec![0; grid.point_count()], levels: Vec::new() }
 }
 
 /// The network of an NBRDF, if it is one.

@@ -1,8 +1,10 @@
 //! NeuBRDFs of any shape, made up: what they look like does not matter.
 
+use std::sync::Arc;
+
 use glam::DVec3;
 use neubrdf::scene::brdf::{
-    CornerWeights, Dense, Encoding, NeuBrdf, Provenance, SamplingLobe, SphereGrid, SphereTable,
+    Codebook, CornerWeights, Dense, Encoding, NeuBrdf, NeuBrdfPack, Provenance, SamplingLobe, SphereGrid, SphereTable,
 };
 
 /// A stream of uniform numbers.
@@ -81,7 +83,8 @@ pub fn random_neubrdf(shape: Shape, seed: u64) -> NeuBrdf {
             (0..shape.codes).min_by(|a, b| distance(a).total_cmp(&distance(b))).unwrap() as u16
         };
         let indices = (0..grid.point_count()).map(nearest).collect();
-        let mut table = SphereTable { grid, features: shape.features, codes, indices, levels: Vec::new() };
+        let codebook = Arc::new(Codebook { features: shape.features, codes });
+        let mut table = SphereTable { grid, codebook, indices, levels: Vec::new() };
         if shape.is_pruned {
             let seen: std::collections::HashSet<u32> = (0..20_000)
                 .map(|_| random.direction())
@@ -113,4 +116,19 @@ pub fn random_neubrdf(shape: Shape, seed: u64) -> NeuBrdf {
         lobe: SamplingLobe { alpha: [[0.1, 0.2], [0.5, 0.4]], weight: [[0.3, 0.2]; SamplingLobe::NODES] },
         provenance: Provenance { source: "random numbers".into(), ..Provenance::default() },
     }
+}
+
+/// Models of a shape that share their codebooks, `m0`, `m1` …, and where `shares_network` their layers as well.
+#[allow(dead_code)] // not every user has packs
+pub fn random_pack(shape: Shape, count: usize, shares_network: bool) -> NeuBrdfPack {
+    let mut materials: Vec<NeuBrdf> = (0..count).map(|seed| random_neubrdf(shape, seed as u64)).collect();
+    let NeuBrdf { wi, wo, layers, .. } = materials[0].clone();
+    for member in &mut materials {
+        (member.wi.codebook, member.wo.codebook) = (wi.codebook.clone(), wo.codebook.clone());
+        if shares_network {
+            member.layers.clone_from(&layers);
+        }
+    }
+    let named = |(index, member)| (format!("m{index}"), member);
+    NeuBrdfPack { materials: materials.into_iter().enumerate().map(named).collect() }
 }

@@ -2,6 +2,7 @@
 //! Spherically Distributed Primitives*. What it computes is `crate::material`'s; here is what it consists of.
 
 use std::collections::BTreeMap;
+use std::sync::Arc;
 
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
@@ -22,15 +23,29 @@ pub enum CornerWeights {
     Bilinear,
 }
 
+/// Features that grid points name by number, and tables of several materials can share.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Codebook {
+    /// Features of a code, F.
+    pub features: u32,
+    /// Codes × F.
+    pub codes: Vec<f32>,
+}
+
+impl Codebook {
+    /// How many codes there are.
+    pub fn code_count(&self) -> usize {
+        self.codes.len() / self.features.max(1) as usize
+    }
+}
+
 /// Features over a hemisphere: grid points name codes of a codebook.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SphereTable {
     /// Where its points are.
     pub grid: SphereGrid,
-    /// Features of a code, F.
-    pub features: u32,
-    /// The codebook, codes × F.
-    pub codes: Vec<f32>,
+    /// The codes.
+    pub codebook: Arc<Codebook>,
     /// The code of each grid point, or [`NO_CODE`].
     pub indices: Vec<u16>,
     /// How often each pixel was merged with its siblings ([`SphereGrid::merge`]); empty where none was.
@@ -47,11 +62,6 @@ pub struct Gathered {
 }
 
 impl SphereTable {
-    /// How many codes there are.
-    pub fn code_count(&self) -> usize {
-        self.codes.len() / self.features.max(1) as usize
-    }
-
     /// What the features at a direction are made of.
     pub fn gather(&self, w: DVec3, corner_weights: CornerWeights) -> Gathered {
         let mut level = 0;
@@ -184,9 +194,9 @@ impl NeuBrdf {
         let NeuBrdf { is_isotropic, corner_weights, wi, wo, layers, encoding, lobe, provenance: _ } = self;
         put(hasher, b"neubrdf");
         put(hasher, &[u8::from(*is_isotropic), u8::from(*corner_weights == CornerWeights::Bilinear)]);
-        for SphereTable { grid, features, codes, indices, levels } in [wi, wo] {
-            put(hasher, &[grid.n_side(), *features]);
-            put(hasher, codes);
+        for SphereTable { grid, codebook, indices, levels } in [wi, wo] {
+            put(hasher, &[grid.n_side(), codebook.features]);
+            put(hasher, &codebook.codes);
             put(hasher, indices);
             put(hasher, levels);
         }
