@@ -45,6 +45,12 @@ impl Truth {
         Truth { name, is_isotropic, is_ours, learned, measured, pairs: Mutex::default(), values: Mutex::default() }
     }
 
+    /// What training sees, at one pair.
+    #[allow(dead_code)] // a study need not ask
+    pub fn eval(&self, wo: DVec3, wi: DVec3) -> DVec3 {
+        (self.learned)(wo, wi)
+    }
+
     /// Pairs to learn from.
     pub fn pairs(&self, count: usize, seed: u64) -> Vec<Pair> {
         let eval = |wo: DVec3, wi: DVec3| (self.learned)(wo, wi);

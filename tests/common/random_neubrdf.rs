@@ -86,6 +86,8 @@ pub fn random_neubrdf(shape: Shape, seed: u64) -> NeuBrdf {
         let codebook = Arc::new(Codebook { features: shape.features, codes });
         let mut table = SphereTable { grid, codebook, indices, levels: Vec::new() };
         if shape.is_pruned {
+            // A stream of its own: codes are the same whether or not anything is pruned.
+            let mut random = Stream(seed ^ 0x5eed);
             let seen: std::collections::HashSet<u32> = (0..20_000)
                 .map(|_| random.direction())
                 .filter(|w| if shape.is_isotropic { w.y >= 0.0 } else { w.x * w.y > 0.1 })

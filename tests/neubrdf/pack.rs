@@ -138,7 +138,7 @@ fn hostile_headers_are_errors() {
         ("materials[2].network", |header| header["materials"][2]["network"] = u32::MAX.into()),
         ("header", |header| header["materials"][2]["network"] = (-1).into()),
         ("materials[1].name", |header| header["materials"][1]["name"] = "m0".into()),
-        ("materials", |header| header["materials"] = json!([])),
+        ("file", |header| header["materials"] = json!([])),
         ("materials", |header| header["materials"] = vec![header["materials"][0].clone(); 300].into()),
         ("codebooks[0].codes", |header| header["codebooks"][0]["codes"] = 0.into()),
         ("codebooks[1].codes", |header| header["codebooks"][1]["codes"] = 65_534.into()),
