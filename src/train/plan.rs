@@ -43,6 +43,12 @@ pub enum Quality {
 /// What an index of 16 bits can name, besides nothing.
 const MOST_CODES: usize = (u16::MAX - 1) as usize;
 
+/// Codes of a hemisphere that groups share, unless the user says otherwise.
+const GROUP_CODES: usize = 1024;
+
+/// Pairs of all members of a group, of 80 bytes each.
+const GROUP_PAIRS: usize = 1 << 24;
+
 /// All that a training depends on, besides the ground truth.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -117,6 +123,17 @@ impl Plan {
     pub fn for_samples(self, count: usize) -> Plan {
         let n_side = (0..=4).map(|power| 1 << power).take_while(|n| 24 * n * n <= count as u32).last().unwrap_or(1);
         Plan { n_side: self.n_side.map(|finest| finest.min(n_side)), ..self }
+    }
+
+    /// The same for each of `members` materials that share a codebook a hemisphere: `codes` codes, or what is enough for many. Of
+    /// functions not more pairs are drawn than memory has room for.
+    pub fn for_group(self, members: usize, codes: Option<usize>) -> Plan {
+        let codes = match self.recipe {
+            Recipe::Paper => self.codes,
+            _ => [GROUP_CODES; 2],
+        }
+        .map(|default| codes.unwrap_or(default));
+        Plan { codes, pairs: self.pairs.min((GROUP_PAIRS / members.max(1)).max(self.batch)), ..self }
     }
 
     /// The grids of ωi and ωo.

@@ -39,25 +39,42 @@ pub fn network_of(layers: &[Dense]) -> Network {
     network
 }
 
-/// A table as files hold it: pixels that no pair lies in merged (`seen` tells the others), codes that no point names left out.
-pub fn sphere_table(table: &Table, grid: SphereGrid, seen: &[bool]) -> SphereTable {
-    let features = table.features;
-    let mut result = whole_table(grid);
-    // Codes that points of their own name may be more than files can number; after pruning few are left.
-    let kept = kept_points(grid, seen);
-    let mut number = vec![None; table.codes.len() / features];
+/// A hemisphere's points as they were trained.
+pub struct TrainedPoints<'a> {
+    /// Their codes.
+    pub table: &'a Table,
+    /// Where they are.
+    pub grid: SphereGrid,
+    /// Which pixels pairs lie in.
+    pub seen: &'a [bool],
+}
+
+/// Tables as files hold them, of trained ones with equal codes: these they share. Pixels that no pair lies in are merged, and codes
+/// that no point names left out.
+pub fn sphere_tables(trained: &[TrainedPoints]) -> Vec<SphereTable> {
+    let Some(TrainedPoints { table: Table { features, codes: all, .. }, .. }) = trained.first() else {
+        return Vec::new();
+    };
+    let mut number = vec![None; all.len() / features];
     let mut codes = Vec::new();
-    for (point, index) in result.indices.iter_mut().enumerate().filter(|(point, _)| kept[*point]) {
-        let code = table.indices[point] as usize;
-        let next = codes.len() / features;
-        *index = *number[code].get_or_insert_with(|| {
-            codes.extend(&table.codes[code * features..][..features]);
-            next.min(usize::from(NO_CODE) - 1) as u16
-        });
-    }
-    result.codebook = Arc::new(Codebook { features: features as u32, codes });
-    result.prune(|pixel| seen[pixel as usize]);
-    result
+    let numbered = |TrainedPoints { table, grid, seen }: &TrainedPoints| {
+        let mut result = whole_table(*grid);
+        let kept = kept_points(*grid, seen);
+        for (point, index) in result.indices.iter_mut().enumerate().filter(|(point, _)| kept[*point]) {
+            let code = table.indices[point] as usize;
+            let next = codes.len() / features;
+            *index = *number[code].get_or_insert_with(|| {
+                codes.extend(&all[code * features..][..*features]);
+                // Codes that points of their own name may be more than files can number; after pruning few are left.
+                next.min(usize::from(NO_CODE) - 1) as u16
+            });
+        }
+        result.prune(|pixel| seen[pixel as usize]);
+        result
+    };
+    let tables: Vec<SphereTable> = trained.iter().map(numbered).collect();
+    let codebook = Arc::new(Codebook { features: *features as u32, codes });
+    tables.into_iter().map(|table| SphereTable { codebook: codebook.clone(), ..table }).collect()
 }
 
 /// The corners of pixels that pairs lie in.

@@ -11,12 +11,12 @@ use super::pairs::{GroundTruth, Pair};
 use super::plan::{Model, Plan, Recipe};
 use super::prune::prune_neurons;
 use super::random::Random;
-use super::result::{layers, nbrdf, sphere_table, whole_table};
+use super::result::{TrainedPoints, layers, nbrdf, sphere_tables, whole_table};
 use super::table::{Quantiser, Table};
 use super::trainer::{Head, Inputs, Loss, Pool, Rates, Trainer};
 use super::{Error, Evaluator};
 use crate::material::fit_lobe;
-use crate::scene::brdf::{Encoding, Nbrdf, NeuBrdf, Provenance, SphereGrid};
+use crate::scene::brdf::{Encoding, Nbrdf, NeuBrdf, Provenance, SphereGrid, SphereTable};
 use crate::scene::{HalfDifference, SamplingLobe};
 
 /// Share of the steps after which points are given codes: the features have settled, and the rest of the steps fits codes.
@@ -42,7 +42,7 @@ const SPARSITY: f32 = 1e-5;
 
 /// Random streams of a seed; pairs take those from 0, epochs their own seed.
 const START: u64 = 1 << 40;
-const QUANTISE: u64 = 2 << 40;
+pub(super) const QUANTISE: u64 = 2 << 40;
 
 /// A model while it is trained, and all that continuing takes.
 pub struct Session {
@@ -54,7 +54,7 @@ pub struct Session {
     encoding: Encoding,
     grids: [SphereGrid; 2],
     /// Points of each hemisphere that the pairs need.
-    used: [Vec<bool>; 2],
+    pub(super) used: [Vec<bool>; 2],
     /// Pixels of each hemisphere that pairs lie in.
     seen: [Vec<bool>; 2],
     pub(super) loss: f64,
@@ -111,22 +111,33 @@ impl Session {
 
     /// Takes a step.
     pub fn step(&mut self) {
-        self.change_phase();
+        if self.is_time_to_quantise() {
+            self.quantise();
+        }
+        self.prune_in_time();
         let rates = self.rates();
         let loss = self.trainer.train(self.plan.batch, rates);
-        self.loss = if self.loss.is_finite() { self.loss + 0.01 * (loss - self.loss) } else { loss };
+        self.note_loss(loss);
     }
 
-    /// What happens once, between two steps.
-    fn change_phase(&mut self) {
-        match self.plan.recipe {
-            _ if self.plan.model == Model::Nbrdf => {}
-            Recipe::Default if self.trainer.step == self.step_at(QUANTISE_AT) => self.quantise(),
-            Recipe::Paper if self.trainer.step == self.step_at(PRUNE_AT) && self.plan.pruned < self.plan.hidden => {
-                self.trainer.replace_network(prune_neurons(&self.trainer.network, self.plan.pruned));
-            }
-            _ => {}
+    /// Whether points are to be given codes before the next step.
+    pub(super) fn is_time_to_quantise(&self) -> bool {
+        let Plan { model, recipe, .. } = self.plan;
+        model == Model::NeuBrdf && recipe == Recipe::Default && self.trainer.step == self.step_at(QUANTISE_AT)
+    }
+
+    /// Prunes the network, if that is due before the next step.
+    pub(super) fn prune_in_time(&mut self) {
+        let Plan { model, recipe, pruned, hidden, .. } = self.plan;
+        let prunes = model == Model::NeuBrdf && recipe == Recipe::Paper && pruned < hidden;
+        if prunes && self.trainer.step == self.step_at(PRUNE_AT) {
+            self.trainer.replace_network(prune_neurons(&self.trainer.network, pruned));
         }
+    }
+
+    /// Adds the loss of a step to the average.
+    pub(super) fn note_loss(&mut self, loss: f64) {
+        self.loss = if self.loss.is_finite() { self.loss + 0.01 * (loss - self.loss) } else { loss };
     }
 
     /// Gives points codes, unless they have them or there are enough for each to have its own.
@@ -146,7 +157,7 @@ impl Session {
         (share * self.plan.steps as f32) as u32
     }
 
-    fn rates(&self) -> Rates {
+    pub(super) fn rates(&self) -> Rates {
         let Plan { recipe, network_rate, table_rate, steps, .. } = self.plan;
         let at = self.trainer.step as f32 / steps as f32;
         let warm = ((self.trainer.step as f32 + 1.0) / WARM_UP).min(1.0);
@@ -210,7 +221,7 @@ impl Session {
         }
         for ((table, codes), most) in self.trainer.tables.iter_mut().zip(codes).zip(self.plan.codes) {
             if let Some(codes) = *codes {
-                if self.plan.recipe != Recipe::Default || codes != most {
+                if self.plan.recipe != Recipe::Default || codes == 0 || codes > most {
                     return None;
                 }
                 table.start_nearest(codes);
@@ -221,25 +232,33 @@ impl Session {
 
     /// The NeuBRDF as it is now, with the lobe that samples it; `None` if it is none.
     pub fn neubrdf(&self) -> Option<NeuBrdf> {
-        let mut brdf = self.unsampled()?;
-        brdf.lobe = fit_lobe(brdf.is_isotropic, &|wo, wi| brdf.eval(wo, wi));
-        Some(brdf)
+        self.unsampled().map(sampled)
     }
 
     /// The same with no lobe but the hemisphere's.
     fn unsampled(&self) -> Option<NeuBrdf> {
-        let Trainer { network, tables, .. } = &self.trainer;
-        let [wi, wo] = tables.as_slice() else { return None };
-        Some(NeuBrdf {
+        let [wi, wo] = [0, 1].map(|side| sphere_tables(&[self.trained_points(side)?]).pop());
+        Some(self.with_tables(wi?, wo?))
+    }
+
+    /// What a table is made of, ωi's or ωo's; `None` if the model has none.
+    pub(super) fn trained_points(&self, side: usize) -> Option<TrainedPoints<'_>> {
+        let table = self.trainer.tables.get(side)?;
+        Some(TrainedPoints { table, grid: self.grids[side], seen: &self.seen[side] })
+    }
+
+    /// The NeuBRDF of these tables, with no lobe but the hemisphere's.
+    pub(super) fn with_tables(&self, wi: SphereTable, wo: SphereTable) -> NeuBrdf {
+        NeuBrdf {
             is_isotropic: self.is_isotropic,
             corner_weights: self.plan.corner_weights,
-            wi: sphere_table(wi, self.grids[0], &self.seen[0]),
-            wo: sphere_table(wo, self.grids[1], &self.seen[1]),
-            layers: layers(network),
+            wi,
+            wo,
+            layers: layers(&self.trainer.network),
             encoding: self.encoding,
             lobe: SamplingLobe::COSINE,
             provenance: Provenance::default(),
-        })
+        }
     }
 
     /// The NBRDF as it is now; `None` if it is none, or not isotropic, which published ones are.
@@ -254,6 +273,12 @@ impl Session {
             None => Evaluator::nbrdf(self.trainer.network.clone(), self.is_isotropic),
         }
     }
+}
+
+/// A NeuBRDF with the lobe that samples it.
+pub(super) fn sampled(mut brdf: NeuBrdf) -> NeuBrdf {
+    brdf.lobe = fit_lobe(brdf.is_isotropic, &|wo, wi| brdf.eval(wo, wi));
+    brdf
 }
 
 /// A network and tables before their first step.

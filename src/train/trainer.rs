@@ -142,6 +142,23 @@ impl Trainer {
 
     /// One step over `batch` pairs (a multiple of 256). Returns their mean loss.
     pub fn train(&mut self, batch: usize, rates: Rates) -> f64 {
+        let loss = self.find_gradients(batch, rates);
+        let at = self.table_step(rates);
+        let (network, adam, sum) = (&mut self.network, &mut self.adam, &self.sum);
+        let update_network = || adam.step(0, &mut network.parameters, sum, rates.network, at.step);
+        let (tables, scatters) = (&mut self.tables, &self.scatters);
+        let update_tables = || {
+            if rates.tables > 0.0 {
+                let both = tables.par_iter_mut().zip(scatters);
+                both.for_each(|(table, scatter)| table.step(&scatter.gradient, &scatter.touched, at));
+            }
+        };
+        rayon::join(update_network, update_tables);
+        loss
+    }
+
+    /// The gradients of a step over `batch` pairs, which counts as done. Returns the mean loss.
+    pub fn find_gradients(&mut self, batch: usize, rates: Rates) -> f64 {
         let shard_count = batch / SHARD;
         let blocks = self.blocks(batch / BLOCK);
         if self.shards.len() != shard_count || self.shards[0].gradient.len() != self.network.parameters.len() {
@@ -160,30 +177,46 @@ impl Trainer {
         });
         self.step += 1;
         self.adam_step += 1;
-        let step = self.adam_step;
-        let Trainer { network, adam, tables, pool, shards, scatters, sum, .. } = self;
+        let Trainer { network, tables, pool, shards, scatters, sum, .. } = self;
         let shards = &*shards;
-        let update_network = || {
+        let add_shards = || {
             sum.clear();
             sum.extend(network.parameters.iter().map(|parameter| rates.sparsity * parameter.signum()));
             for shard in shards {
                 sum.iter_mut().zip(&shard.gradient).for_each(|(sum, value)| *sum += value);
             }
-            adam.step(0, &mut network.parameters, sum, rates.network, step);
         };
-        let update_tables = || {
+        let scatter = || {
             let Inputs::Corners(corners) = &pool.inputs else { return };
-            if rates.tables == 0.0 {
-                return;
+            if rates.tables > 0.0 {
+                tables.par_iter().zip(scatters).enumerate().for_each(|(side, (table, scatter))| {
+                    scatter.add(table.features, side, corners, &blocks, shards);
+                });
             }
-            let at = TableStep { step, rate: rates.tables, temperature: rates.temperature };
-            tables.par_iter_mut().zip(scatters).enumerate().for_each(|(side, (table, scatter))| {
-                scatter.add(table.features, side, corners, &blocks, shards);
-                table.step(&scatter.gradient, &scatter.touched, at);
-            });
         };
-        rayon::join(update_network, update_tables);
+        rayon::join(add_shards, scatter);
         shards.iter().map(|shard| shard.loss).sum::<f64>() / (3 * batch) as f64
+    }
+
+    /// What the last gradients do to tables.
+    pub fn table_step(&self, rates: Rates) -> TableStep {
+        TableStep { step: self.adam_step, rate: rates.tables, temperature: rates.temperature }
+    }
+
+    /// Moves the network's parameters against a gradient.
+    pub fn step_network(&mut self, gradient: &[f32], rates: Rates) {
+        self.adam.step(0, &mut self.network.parameters, gradient, rates.network, self.adam_step);
+    }
+
+    /// The last gradient of the network's parameters.
+    pub fn network_gradient(&self) -> &[f32] {
+        &self.sum
+    }
+
+    /// The tables, each with the last gradient of its rows and the points that it touched.
+    pub fn tables_and_gradients(&mut self) -> impl Iterator<Item = (&mut Table, &[f32], &[u32])> {
+        let both = self.tables.iter_mut().zip(&self.scatters);
+        both.map(|(table, scatter)| (table, &scatter.gradient[..], &scatter.touched[..]))
     }
 
     /// Goes on with another network, of whose parameters nothing is known yet.

@@ -1,5 +1,7 @@
 //! Training: what it learns, that it does so again, and that it can be stopped.
 
+mod group;
+
 use std::f64::consts::FRAC_1_PI;
 
 use glam::DVec3;
