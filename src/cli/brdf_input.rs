@@ -15,7 +15,7 @@ pub struct BrdfInput {
     pub name: String,
     /// Its values.
     pub brdf: Box<dyn Evaluate>,
-    /// The measurements, where it is known by them alone.
+    /// The measurements, where it is known by them alone, each with its reciprocal.
     samples: Option<Vec<Pair>>,
 }
 
@@ -40,7 +40,7 @@ impl BrdfInput {
 
     /// How many measurements it is known by; `None` where it is known everywhere.
     pub fn sample_count(&self) -> Option<usize> {
-        self.samples.as_ref().map(Vec::len)
+        self.samples.as_ref().map(|pairs| pairs.len() / 2)
     }
 
     /// Hands it to what wants to learn it; `eval` is its values.
@@ -53,13 +53,14 @@ impl BrdfInput {
     }
 }
 
+/// The measurements, and what reciprocity makes of them: few that they are, they say twice as much.
 fn pairs(sparse: &Sparse) -> Vec<Pair> {
     let pair = |sample: &neubrdf::scene::brdf::SparseSample| Pair {
         wo: sample.wo.as_vec3(),
         wi: sample.wi.as_vec3(),
         value: sample.value,
     };
-    sparse.samples().iter().map(pair).collect()
+    sparse.samples().iter().map(pair).flat_map(|pair| [pair, pair.reciprocal()]).collect()
 }
 
 /// A surface of a scene in its own colour, textures left out.

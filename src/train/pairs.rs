@@ -66,6 +66,13 @@ pub struct Pair {
     pub value: Vec3,
 }
 
+impl Pair {
+    /// What Helmholtz's reciprocity says besides: light that comes the other way.
+    pub fn reciprocal(self) -> Pair {
+        Pair { wo: self.wi, wi: self.wo, ..self }
+    }
+}
+
 /// Draws (ωo, ωi): 30 % of ωi by the cosine, the others mirrored about half vectors that crowd at the normal, θh = u² · 90°
 /// (40 %) and u⁴ · 90° (30 %), so that lobes of any width are seen. ωo is by the cosine (40 %), uniform in θ
 /// (30 %) or crowded at the normal, θ = u² · 90° (30 %). The two change roles at random.

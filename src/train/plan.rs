@@ -119,9 +119,10 @@ impl Plan {
         }
     }
 
-    /// Coarsens the grids, so that there are not more points than a few measurements can tell of.
+    /// Coarsens the grids, so that a few measurements tell something of each point: of an isotropic material 96 N² of them are ten
+    /// or more a point.
     pub fn for_samples(self, count: usize) -> Plan {
-        let n_side = (0..=4).map(|power| 1 << power).take_while(|n| 24 * n * n <= count as u32).last().unwrap_or(1);
+        let n_side = (0..=4).map(|power| 1 << power).take_while(|n| 96 * n * n <= count as u32).last().unwrap_or(1);
         Plan { n_side: self.n_side.map(|finest| finest.min(n_side)), ..self }
     }
 

@@ -13,7 +13,7 @@ use super::prune::prune_neurons;
 use super::random::Random;
 use super::result::{TrainedPoints, layers, nbrdf, sphere_tables, whole_table};
 use super::table::{Quantiser, Table};
-use super::trainer::{Head, Inputs, Loss, Pool, Rates, Trainer};
+use super::trainer::{Head, Inputs, Loss, Pool, Rates, Trainer, Weighs};
 use super::{Error, Evaluator};
 use crate::material::fit_lobe;
 use crate::scene::brdf::{Encoding, Nbrdf, NeuBrdf, Provenance, SphereGrid, SphereTable};
@@ -167,11 +167,12 @@ impl Session {
                 let start_rate = 0.5 * (1.0 + (PI * start as f32 / steps as f32).cos());
                 falling = start_rate * (end - self.trainer.step) as f32 / (end - start).max(1) as f32;
             }
+            let weighs = if self.is_isotropic { Weighs::Fit } else { Weighs::Truth };
             return Rates {
                 network: network_rate * falling,
                 tables: table_rate * falling,
                 temperature: 1.0,
-                loss: Loss::Divergence { scale: self.encoding.scale },
+                loss: Loss::Divergence { scale: self.encoding.scale, weighs },
                 sparsity: 0.0,
             };
         }

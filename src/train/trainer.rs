@@ -53,7 +53,20 @@ pub enum Loss {
     Divergence {
         /// Scale of the encoding.
         scale: f32,
+        /// What pairs weigh by.
+        weighs: Weighs,
     },
+}
+
+/// Whose brightness a pair's weight grows with: bright ones carry the energy.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Weighs {
+    /// The fit's. Each derivative is that of x̂ times (x̂ − x) times a function of x̂, so that the least loss is at the mean still; the
+    /// weight itself is not derived.
+    Fit,
+    /// The ground truth's. Where values vary that the fit cannot follow, the larger ones weigh more, and the least loss is above the mean. In
+    /// narrow anisotropic lobes this makes up for the divergence's being linear above twice the fit, which pulls less.
+    Truth,
 }
 
 /// Learning rates and the softness of a step.
@@ -307,13 +320,12 @@ fn loss(pool: &Pool, head: Head, loss: Loss, scale: f32, blocks: &[u32], shard: 
 }
 
 impl Loss {
-    /// What a pair counts whose encoded value is fitted as `fit`: bright ones carry the energy. Were it the target that weighed, the
-    /// least loss would be above the mean wherever values vary that the fit cannot follow. As it is, each derivative is that of x̂
-    /// times (x̂ − x) times a function of x̂, so that it is at the mean still; the weight itself is not derived.
+    /// What a pair counts whose encoded value is fitted as `fit`.
     fn weight(self, fit: f32, target: f32) -> f32 {
         match self {
             Loss::Absolute => 1.0,
-            Loss::Divergence { .. } => (1.0 + fit.clamp(0.0, target + FARTHEST)).powi(2),
+            Loss::Divergence { weighs: Weighs::Fit, .. } => (1.0 + fit.clamp(0.0, target + FARTHEST)).powi(2),
+            Loss::Divergence { weighs: Weighs::Truth, .. } => (1.0 + target).powi(2),
         }
     }
 
@@ -321,7 +333,7 @@ impl Loss {
     fn of(self, error: f32) -> (f32, f32) {
         match self {
             Loss::Absolute => (error.abs(), if error == 0.0 { 0.0 } else { error.signum() }),
-            Loss::Divergence { scale } => {
+            Loss::Divergence { scale, .. } => {
                 let lowest = -std::f32::consts::LN_2 / scale;
                 let within = error.max(lowest);
                 let excess = (-scale * within).exp_m1();
@@ -387,7 +399,7 @@ mod tests {
                 assert!((head.encode(y).1 - expected).abs() < 2e-3 * expected.abs(), "{head:?} at {y}");
             }
         }
-        for loss in [Loss::Absolute, Loss::Divergence { scale: 2.0 }] {
+        for loss in [Loss::Absolute, Loss::Divergence { scale: 2.0, weighs: Weighs::Fit }] {
             for error in [-0.9f32, -0.3, -0.05, 0.02, 0.3, 1.2] {
                 let expected = (loss.of(error + step).0 - loss.of(error - step).0) / (2.0 * step);
                 assert!((loss.of(error).1 - expected).abs() < 2e-3, "{loss:?}: {error}");
@@ -402,7 +414,7 @@ mod tests {
         let scale = 2.0;
         let encode = |x: f32| x.ln() / scale;
         let (x, y) = (1.5f32, 2.2);
-        let loss = Loss::Divergence { scale };
+        let loss = Loss::Divergence { scale, weighs: Weighs::Fit };
         let slope = |fit: f32| -> f32 {
             let fit = encode(fit);
             let derivative = |target: f32| loss.weight(fit, target) * loss.of(fit - target).1;
