@@ -8,11 +8,11 @@ use anyhow::{Result, bail};
 use glam::DVec3;
 use neubrdf::image::atomic_write;
 use neubrdf::scene::brdf::{NeuBrdf, NeuBrdfPack};
-use neubrdf::train::check::check;
-use neubrdf::train::plot;
+use neubrdf::train::check::{Check, check};
+use neubrdf::train::{measure, plot};
 use rayon::prelude::*;
 
-use super::brdf_input::BrdfInput;
+use super::brdf_input::{BrdfInput, Drawing};
 use super::job::check_writable;
 
 /// Say what a BRDF is. Exit status 3 if --check finds it wrong.
@@ -37,8 +37,14 @@ pub struct Arguments {
     json: bool,
 }
 
+/// Of measurements over a texture nothing is learned here.
+const DRAWING: Drawing = Drawing { texels: None, pairs: 1, seed: 0 };
+
 /// The check failed.
 const WRONG: u8 = 3;
+
+/// Points of a texture that are checked, besides its average.
+const CHECKED_PLACES: usize = 8;
 
 /// Gain of the plot's radii: what is far below its inverse is not seen.
 const PLOT_GAIN: f64 = 100.0;
@@ -60,7 +66,7 @@ pub fn run(arguments: Arguments) -> Result<ExitCode> {
         print(&arguments, &describe_pack(pack, &arguments.input)?);
         return Ok(ExitCode::SUCCESS);
     }
-    let input = BrdfInput::load(&arguments.input, arguments.name.as_deref())?;
+    let input = BrdfInput::load(&arguments.input, arguments.name.as_deref(), DRAWING)?;
     let eval =
         |pairs: &[[DVec3; 2]]| -> Vec<DVec3> { pairs.par_iter().map(|[wo, wi]| input.brdf.eval(*wo, *wi)).collect() };
     let is_isotropic = input.brdf.is_isotropic();
@@ -69,7 +75,14 @@ pub fn run(arguments: Arguments) -> Result<ExitCode> {
         facts["neubrdf"] = describe(&NeuBrdf::load(&arguments.input, arguments.name.as_deref())?);
         facts["bytes"] = std::fs::metadata(&arguments.input)?.len().into();
     }
-    let checked = arguments.check.then(|| check(is_isotropic, &eval));
+    let checked = arguments.check.then(|| {
+        let places = if input.brdf.is_spatial() { CHECKED_PLACES } else { 0 };
+        let at = |place: usize| {
+            let footprint = measure::place(place);
+            check(is_isotropic, &|pairs| pairs.par_iter().map(|[wo, wi]| input.brdf.eval_at(footprint, *wo, *wi)).collect())
+        };
+        (0..places).map(at).fold(check(is_isotropic, &eval), Check::merge)
+    });
     facts["check"] = serde_json::json!(checked);
     print(&arguments, &facts);
     if let Some(path) = &arguments.plot {
@@ -117,8 +130,14 @@ fn describe(brdf: &NeuBrdf) -> serde_json::Value {
         })
     };
     let widths: Vec<u32> = brdf.layers.iter().map(|layer| layer.inputs).chain([3]).collect();
+    let surface = brdf.surface.as_ref().map(|surface| {
+        serde_json::json!({
+            "texels": surface.grid.size(0), "levels": surface.grid.level_count(), "features": surface.codebook.features,
+            "codes": surface.codebook.code_count(), "points": surface.indices.len(),
+        })
+    });
     serde_json::json!({
-        "wi": table(&brdf.wi), "wo": table(&brdf.wo), "widths": widths, "corner_weights": brdf.corner_weights,
+        "wi": table(&brdf.wi), "wo": table(&brdf.wo), "surface": surface, "widths": widths, "corner_weights": brdf.corner_weights,
         "encoding": brdf.encoding, "provenance": brdf.provenance,
     })
 }

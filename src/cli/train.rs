@@ -9,11 +9,11 @@ use clap::ValueEnum;
 use glam::DVec3;
 use neubrdf::image::atomic_write;
 use neubrdf::scene::brdf::{CornerWeights, NeuBrdf, Precision};
-use neubrdf::train::measure::{Comparison, FitErrors, compare};
-use neubrdf::train::{Evaluator, Model, Plan, Quality, Recipe, RecipeResult, Report, Session};
+use neubrdf::train::measure::{Comparison, FitErrors, Query, compare_at};
+use neubrdf::train::{Evaluator, Model, Plan, Quality, Recipe, RecipeResult, Report, Session, SurfacePlan};
 use rayon::prelude::*;
 
-use super::brdf_input::BrdfInput;
+use super::brdf_input::{BrdfInput, Drawing};
 use super::job::check_writable;
 use super::train_loop::train;
 use super::{progress, train_group};
@@ -21,7 +21,8 @@ use super::{progress, train_group};
 /// Learn a BRDF.
 #[derive(clap::Args)]
 pub struct Arguments {
-    /// What to learn: .binary (MERL), .bsdf (RGL), .csv (samples), .safetensors or .npy (NBRDF), .neubrdf, or a material or a scene (.toml)
+    /// What to learn: .binary (MERL), .bsdf (RGL), .csv (samples), .safetensors or .npy (NBRDF), .neubrdf, a material or a scene (.toml), or a
+    /// directory of images (BTF)
     #[arg(required = true)]
     pub(super) inputs: Vec<PathBuf>,
     /// The material, where INPUT holds several; with --share it may be said several times, and means all if it is not
@@ -69,6 +70,15 @@ pub struct Arguments {
     /// Neurons of a hidden layer, up to 128
     #[arg(long)]
     pub(super) hidden: Option<usize>,
+    /// Texels, of a material that varies: WxH, or as many across as down
+    #[arg(long, value_parser = texels)]
+    pub(super) texels: Option<[u32; 2]>,
+    /// Features of a texel, up to 32
+    #[arg(long)]
+    pub(super) texel_features: Option<usize>,
+    /// Most codes of the texels' codebook; by default each texel has its own, as long as there are not more than indices can name
+    #[arg(long)]
+    pub(super) texel_codes: Option<usize>,
     /// uniform or bilinear
     #[arg(long, value_parser = corner_weights)]
     pub(super) corner_weights: Option<CornerWeights>,
@@ -114,15 +124,21 @@ pub fn run(arguments: Arguments) -> Result<ExitCode> {
         bail!("several materials: say --share to train them together");
     };
     let name = arguments.name.first().map(String::as_str);
-    let input = BrdfInput::load(path, name)?;
+    let input = BrdfInput::load(path, name, drawing(&arguments))?;
     let is_isotropic = input.brdf.is_isotropic();
     if arguments.model == Model::Nbrdf && !is_isotropic {
         bail!("{}: an NBRDF file describes isotropic materials, and this one is not", path.display());
     }
+    if input.texels.is_none() {
+        let given = [arguments.texels.is_some(), arguments.texel_features.is_some(), arguments.texel_codes.is_some()];
+        if given.contains(&true) {
+            bail!("{}: the material is the same everywhere, and has no texels", path.display());
+        }
+    }
     if arguments.model == Model::Nbrdf && arguments.compare_recipes {
         bail!("--compare-recipes: NBRDFs are trained by one recipe");
     }
-    let plan = plan(&arguments, is_isotropic, input.sample_count());
+    let plan = plan(&arguments, &input, is_isotropic);
     let eval = |wo: DVec3, wi: DVec3| input.brdf.eval(wo, wi);
     let mut session = Session::new(plan, &input.ground_truth(&eval))?;
     if let Some(path) = arguments.checkpoint.as_deref().filter(|_| arguments.resume) {
@@ -134,8 +150,9 @@ pub fn run(arguments: Arguments) -> Result<ExitCode> {
 
     let precision = if arguments.f32 { Precision::F32 } else { Precision::F16 };
     let measure = |evaluator: &Evaluator, size: usize| -> Comparison {
-        let fit = |pairs: &[[DVec3; 2]]| evaluator.eval(pairs);
-        compare(size, is_isotropic, &fit, &|pairs| truth(&input, pairs))
+        let at = |query: &Query| input.brdf.eval_at(query.footprint, query.wo, query.wi);
+        let truth = |queries: &[Query]| queries.par_iter().map(at).collect();
+        compare_at(size, is_isotropic, &|queries| evaluator.eval_at(queries), &truth)
     };
     let (bytes, evaluator, comparison) = match session.neubrdf() {
         Some(mut brdf) => {
@@ -158,10 +175,8 @@ pub fn run(arguments: Arguments) -> Result<ExitCode> {
         let errors = comparison.errors.clone();
         recipes.push(RecipeResult { recipe: arguments.recipe, bytes: bytes.len(), seconds, errors });
         for recipe in Recipe::value_variants().iter().filter(|recipe| **recipe != arguments.recipe) {
-            let mut session = Session::new(
-                recipe_plan(&arguments, *recipe, is_isotropic, input.sample_count()),
-                &input.ground_truth(&eval),
-            )?;
+            let plan = recipe_plan(&arguments, &input, *recipe, is_isotropic);
+            let mut session = Session::new(plan, &input.ground_truth(&eval))?;
             let seconds = train(&mut session, None, &interrupted, arguments.quiet)?;
             let file = session.neubrdf().context("a recipe trains NeuBRDFs")?.encode(precision)?;
             let errors = measure(&Evaluator::neubrdf(&NeuBrdf::decode(&file)?), BALL).errors;
@@ -208,26 +223,50 @@ fn corner_weights(word: &str) -> Result<CornerWeights, String> {
     }
 }
 
+fn texels(text: &str) -> Result<[u32; 2], String> {
+    let (width, height) = text.split_once('x').unwrap_or((text, text));
+    match (width.parse(), height.parse()) {
+        (Ok(width), Ok(height)) => Ok([width, height]),
+        _ => Err(format!("'{text}' is no size: expected texels across and down, such as 64x32")),
+    }
+}
+
+/// How measurements over a texture are made pairs.
+pub(super) fn drawing(arguments: &Arguments) -> Drawing {
+    let Arguments { texels, model, recipe, quality, seed, .. } = *arguments;
+    Drawing { texels, pairs: Plan::new(model, recipe, quality, false).pairs, seed }
+}
+
 /// What a recipe does, in as many steps as are asked for, for measurements if there are but so many.
-fn recipe_plan(arguments: &Arguments, recipe: Recipe, is_isotropic: bool, samples: Option<usize>) -> Plan {
+fn recipe_plan(arguments: &Arguments, input: &BrdfInput, recipe: Recipe, is_isotropic: bool) -> Plan {
     let Arguments { model, quality, seed, steps, .. } = *arguments;
     let plan = Plan::new(model, recipe, quality, is_isotropic);
     let plan = Plan { seed, steps: steps.unwrap_or(plan.steps), ..plan };
-    match samples {
+    let plan = match arguments.texels.filter(|_| input.texels.is_some()).or(input.texels) {
+        Some(texels) => plan.over(texels),
+        None => plan,
+    };
+    match input.sample_count() {
         Some(count) => plan.for_samples(count),
         None => plan,
     }
 }
 
 /// What is done: the same, of the sizes that are asked for.
-pub(super) fn plan(arguments: &Arguments, is_isotropic: bool, samples: Option<usize>) -> Plan {
-    let plan = recipe_plan(arguments, arguments.recipe, is_isotropic, samples);
-    let Plan { n_side, features, codes, hidden, pruned, corner_weights, .. } = plan;
+pub(super) fn plan(arguments: &Arguments, input: &BrdfInput, is_isotropic: bool) -> Plan {
+    let plan = recipe_plan(arguments, input, arguments.recipe, is_isotropic);
+    let Plan { n_side, features, codes, surface, hidden, pruned, corner_weights, .. } = plan;
+    let surface = surface.map(|surface| SurfacePlan {
+        features: arguments.texel_features.unwrap_or(surface.features),
+        codes: arguments.texel_codes.unwrap_or(surface.codes),
+        ..surface
+    });
     let hidden = arguments.hidden.unwrap_or(hidden);
     Plan {
         n_side: arguments.n_side.map_or(n_side, |n_side| [n_side; 2]),
         features: arguments.features.unwrap_or(features),
         codes: arguments.codes.map_or(codes, |codes| [codes; 2]),
+        surface,
         hidden,
         pruned: pruned.min(hidden),
         corner_weights: arguments.corner_weights.unwrap_or(corner_weights),

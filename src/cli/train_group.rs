@@ -14,7 +14,7 @@ use neubrdf::train::{Evaluator, Group, GroupReport, Model, Plan, Report, Session
 use super::brdf_input::BrdfInput;
 use super::job::check_writable;
 use super::progress;
-use super::train::{Arguments, BALL, plan, provenance, truth, write};
+use super::train::{Arguments, BALL, drawing, plan, provenance, truth, write};
 use super::train_loop::train;
 
 /// A material to learn, and its name in the pack.
@@ -61,12 +61,15 @@ fn members(arguments: &Arguments) -> Result<Vec<Member>> {
         };
         let stem = path.file_stem().with_context(|| format!("{} names no file", path.display()))?.to_string_lossy();
         if names.is_empty() {
-            members.push(Member { name: stem.into_owned(), input: BrdfInput::load(path, None)? });
+            members.push(Member { name: stem.into_owned(), input: BrdfInput::load(path, None, drawing(arguments))? });
         }
         for name in names {
-            let input = BrdfInput::load(path, Some(&name))?;
+            let input = BrdfInput::load(path, Some(&name), drawing(arguments))?;
             members.push(Member { name, input });
         }
+    }
+    if let Some(varying) = members.iter().find(|member| member.input.texels.is_some()) {
+        bail!("{}: it varies over a texture; --share is for materials that are the same everywhere", varying.name);
     }
     let mut names = BTreeSet::new();
     if let Some(twice) = members.iter().find(|member| !names.insert(member.name.as_str())) {
@@ -104,7 +107,7 @@ fn numbered(path: &Path, index: usize, count: usize) -> PathBuf {
 /// A plan of all members, which have one recipe, but the grid that suits their measurements.
 fn plans(arguments: &Arguments, members: &[&Member]) -> Vec<Plan> {
     let is_isotropic = members.iter().all(|member| member.input.brdf.is_isotropic());
-    let of = |member: &&Member| plan(arguments, is_isotropic, member.input.sample_count());
+    let of = |member: &&Member| plan(arguments, &member.input, is_isotropic);
     members.iter().map(of).map(|plan| plan.for_group(members.len(), arguments.codes)).collect()
 }
 

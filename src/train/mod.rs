@@ -14,6 +14,7 @@ mod gather;
 mod group;
 mod group_report;
 pub mod measure;
+mod measured;
 mod network;
 mod pairs;
 mod plan;
@@ -33,8 +34,9 @@ use std::path::PathBuf;
 pub use evaluator::Evaluator;
 pub use group::Group;
 pub use group_report::GroupReport;
+pub use measured::{btf_pairs, sample_pairs};
 pub use pairs::{GroundTruth, Pair};
-pub use plan::{Model, Plan, Quality, Recipe};
+pub use plan::{Model, Plan, Quality, Recipe, SurfacePlan};
 pub use report::{RecipeResult, Report};
 pub use session::Session;
 

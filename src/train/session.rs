@@ -11,12 +11,12 @@ use super::pairs::{GroundTruth, Pair};
 use super::plan::{Model, Plan, Recipe};
 use super::prune::prune_neurons;
 use super::random::Random;
-use super::result::{TrainedPoints, layers, nbrdf, sphere_tables, whole_table};
+use super::result::{TrainedPoints, layers, nbrdf, sphere_tables, surface_table, whole_table};
 use super::table::{Quantiser, Table};
-use super::trainer::{Head, Inputs, Loss, Pool, Rates, Trainer, Weighs};
+use super::trainer::{Head, Inputs, Loss, Places, Pool, Rates, Trainer, Weighs};
 use super::{Error, Evaluator};
 use crate::material::fit_lobe;
-use crate::scene::brdf::{Encoding, Nbrdf, NeuBrdf, Provenance, SphereGrid, SphereTable};
+use crate::scene::brdf::{Encoding, Nbrdf, NeuBrdf, Provenance, SphereGrid, SphereTable, SurfaceGrid};
 use crate::scene::{HalfDifference, SamplingLobe};
 
 /// Share of the steps after which points are given codes: the features have settled, and the rest of the steps fits codes.
@@ -53,6 +53,7 @@ pub struct Session {
     is_isotropic: bool,
     encoding: Encoding,
     grids: [SphereGrid; 2],
+    texels: Option<SurfaceGrid>,
     /// Points of each hemisphere that the pairs need.
     pub(super) used: [Vec<bool>; 2],
     /// Pixels of each hemisphere that pairs lie in.
@@ -69,9 +70,9 @@ impl Session {
     /// The plan is beyond what is possible, or there is nothing to learn from.
     pub fn new(plan: Plan, truth: &GroundTruth) -> Result<Session, Error> {
         plan.validate()?;
-        let pairs = truth.pairs(plan.pairs, plan.seed);
+        let (grids, texels) = (plan.grids()?, plan.surface_grid()?);
+        let pairs = truth.pairs(plan.pairs, plan.seed, texels);
         let is_isotropic = truth.is_isotropic();
-        let grids = plan.grids()?;
         let encoding = encoding(&pairs).ok_or(Error::Empty)?;
         // Shards take whole blocks: few samples are taken several times over.
         let count = pairs.len().max(plan.batch).next_multiple_of(plan.batch);
@@ -83,10 +84,15 @@ impl Session {
             Model::Nbrdf => direct_inputs(&pairs, is_isotropic),
             Model::NeuBrdf => corner_inputs(&plan, grids, is_isotropic, &pairs, &mut used, &mut seen),
         };
-        let pool = Pool { targets: pairs.iter().map(|pair| target(pair, encoding, plan.recipe)).collect(), inputs };
-        let (network, tables, head) = start(&plan, grids, encoding);
+        let place = |pair: &Pair| [pair.uv.x, pair.uv.y, pair.area];
+        let pool = Pool {
+            targets: pairs.iter().map(|pair| target(pair, encoding, plan.recipe)).collect(),
+            inputs,
+            places: texels.map(|grid| Places { grid, at: pairs.iter().map(place).collect() }),
+        };
+        let (network, tables, head) = start(&plan, grids, texels, encoding);
         let trainer = Trainer::new(network, tables, head, pool, plan.seed);
-        Ok(Session { plan, trainer, is_isotropic, encoding, grids, used, seen, loss: f64::NAN, end: None })
+        Ok(Session { plan, trainer, is_isotropic, encoding, grids, texels, used, seen, loss: f64::NAN, end: None })
     }
 
     /// Whether all steps are done.
@@ -146,7 +152,9 @@ impl Session {
             return;
         }
         let mut random = Random::new(self.plan.seed, QUANTISE);
-        for ((table, used), codes) in self.trainer.tables.iter_mut().zip(&self.used).zip(self.plan.codes) {
+        let all_texels = vec![true; self.texels.map_or(0, |grid| grid.point_count())];
+        let used = self.used.iter().chain([&all_texels]);
+        for ((table, used), codes) in self.trainer.tables.iter_mut().zip(used).zip(self.plan.table_codes()) {
             if table.quantiser == Quantiser::Free {
                 table.quantise(codes, used, &mut random);
             }
@@ -210,9 +218,9 @@ impl Session {
 
     /// Gives the model the sizes that it has somewhere on the way; `None` if it never has.
     pub(super) fn shape(&mut self, widths: &[usize], codes: &[Option<usize>]) -> Option<()> {
-        let Plan { features, pruned, .. } = self.plan;
+        let Plan { pruned, .. } = self.plan;
         if widths != self.trainer.network.widths() {
-            if self.plan.recipe != Recipe::Paper || widths != [2 * features, pruned, pruned, pruned, 3] {
+            if self.plan.recipe != Recipe::Paper || widths != [self.plan.inputs(), pruned, pruned, pruned, 3] {
                 return None;
             }
             self.trainer.replace_network(Network::zeros(widths));
@@ -220,7 +228,7 @@ impl Session {
         if codes.len() != self.trainer.tables.len() {
             return None;
         }
-        for ((table, codes), most) in self.trainer.tables.iter_mut().zip(codes).zip(self.plan.codes) {
+        for ((table, codes), most) in self.trainer.tables.iter_mut().zip(codes).zip(self.plan.table_codes()) {
             if let Some(codes) = *codes {
                 if self.plan.recipe != Recipe::Default || codes == 0 || codes > most {
                     return None;
@@ -250,11 +258,13 @@ impl Session {
 
     /// The NeuBRDF of these tables, with no lobe but the hemisphere's.
     pub(super) fn with_tables(&self, wi: SphereTable, wo: SphereTable) -> NeuBrdf {
+        let places = self.trainer.tables.get(2).zip(self.texels);
         NeuBrdf {
             is_isotropic: self.is_isotropic,
             corner_weights: self.plan.corner_weights,
             wi,
             wo,
+            surface: places.map(|(table, grid)| surface_table(table, grid)),
             layers: layers(&self.trainer.network),
             encoding: self.encoding,
             lobe: SamplingLobe::COSINE,
@@ -283,24 +293,28 @@ pub(super) fn sampled(mut brdf: NeuBrdf) -> NeuBrdf {
 }
 
 /// A network and tables before their first step.
-fn start(plan: &Plan, grids: [SphereGrid; 2], encoding: Encoding) -> (Network, Vec<Table>, Head) {
+fn start(
+    plan: &Plan,
+    grids: [SphereGrid; 2],
+    texels: Option<SurfaceGrid>,
+    encoding: Encoding,
+) -> (Network, Vec<Table>, Head) {
     let random = &mut Random::new(plan.seed, START);
     let Encoding { gain, scale, .. } = encoding;
     let Plan { features, hidden, codes, .. } = *plan;
-    match plan.model {
-        Model::Nbrdf => (Network::random(&[6, 21, 21, 3], random), Vec::new(), Head::LogPlusOne { gain, scale }),
-        Model::NeuBrdf => {
-            let network = Network::random(&[2 * features, hidden, hidden, hidden, 3], random);
-            let tables = [0, 1].map(|side| {
-                let points = grids[side].point_count();
-                match plan.recipe {
-                    Recipe::Paper => Table::softmax(points, features, codes[side], random),
-                    Recipe::Default | Recipe::Unquantised => Table::free(points, features, random),
-                }
-            });
-            (network, tables.into(), Head::Encoded)
-        }
+    if plan.model == Model::Nbrdf {
+        return (Network::random(&[6, 21, 21, 3], random), Vec::new(), Head::LogPlusOne { gain, scale });
     }
+    let network = Network::random(&[plan.inputs(), hidden, hidden, hidden, 3], random);
+    let mut table = |points, features, codes| match plan.recipe {
+        Recipe::Paper => Table::softmax(points, features, codes, random),
+        Recipe::Default | Recipe::Unquantised => Table::free(points, features, random),
+    };
+    let mut tables: Vec<Table> =
+        grids.iter().zip(codes).map(|(grid, codes)| table(grid.point_count(), features, codes)).collect();
+    let places = texels.zip(plan.surface);
+    tables.extend(places.map(|(grid, surface)| table(grid.point_count(), surface.features, surface.codes)));
+    (network, tables, Head::Encoded)
 }
 
 /// Half and difference vectors; the azimuth of the half vector is left out where nothing depends on it.

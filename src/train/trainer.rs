@@ -3,14 +3,17 @@
 //! A batch is cut into the same shards whatever the number of threads, and their gradients are added in order: a seed gives the
 //! same bits again on the same machine.
 
+use std::ops::Range;
+
 use rayon::prelude::*;
 
 use super::adam::Adam;
-use super::gather::{Corners, Rows, gather_features};
+use super::gather::{Corners, Rows, Texels, gather_features};
 use super::network::{Network, Shard};
 use super::product::padded;
 use super::random::Random;
 use super::table::{Quantiser, Table, TableStep};
+use crate::scene::brdf::{Footprint, SurfaceGrid};
 
 /// What the network sees of the pairs to learn from.
 pub enum Inputs {
@@ -20,10 +23,27 @@ pub enum Inputs {
     Direct(Vec<f32>),
 }
 
+/// Where on a texture pairs are.
+pub struct Places {
+    /// Its texels.
+    pub grid: SurfaceGrid,
+    /// u, v, and the area of the footprint.
+    pub at: Vec<[f32; 3]>,
+}
+
+impl Places {
+    fn texels(&self, pair: usize) -> Texels {
+        let [u, v, area] = self.at[pair].map(f64::from);
+        Texels::of(&self.grid, Footprint { uv: [u, v].into(), area })
+    }
+}
+
 /// The pairs to learn from as steps need them.
 pub struct Pool {
     /// What goes in.
     pub inputs: Inputs,
+    /// And of materials that vary, where.
+    pub places: Option<Places>,
     /// What should come out, and the weight of the pair in the loss.
     pub targets: Vec<[f32; 4]>,
 }
@@ -99,7 +119,7 @@ pub struct Trainer {
     pub network: Network,
     /// Their moments.
     pub adam: Adam,
-    /// Features of ωi and ωo; empty for a network on direct inputs.
+    /// Features of ωi, of ωo, and of the place where there is one; empty for a network on direct inputs.
     pub tables: Vec<Table>,
     /// What outputs stand for.
     pub head: Head,
@@ -201,11 +221,27 @@ impl Trainer {
         };
         let scatter = || {
             let Inputs::Corners(corners) = &pool.inputs else { return };
-            if rates.tables > 0.0 {
-                tables.par_iter().zip(scatters).enumerate().for_each(|(side, (table, scatter))| {
-                    scatter.add(table.features, side, corners, &blocks, shards);
-                });
+            if rates.tables == 0.0 {
+                return;
             }
+            let mut end = 0;
+            let columns = tables.iter().map(|table| {
+                end += table.features;
+                end - table.features..end
+            });
+            let columns: Vec<Range<usize>> = columns.collect();
+            scatters.par_iter_mut().zip(columns).enumerate().for_each(|(side, (scatter, columns))| {
+                match (&pool.places, side) {
+                    (Some(places), 2) => scatter.add(columns, &blocks, shards, |pair| {
+                        let Texels { points, weights } = places.texels(pair);
+                        (points, weights)
+                    }),
+                    _ => scatter.add(columns, &blocks, shards, |pair| {
+                        let Corners { points, weights } = corners[pair][side];
+                        (points, weights)
+                    }),
+                }
+            });
         };
         rayon::join(add_shards, scatter);
         shards.iter().map(|shard| shard.loss).sum::<f64>() / (3 * batch) as f64
@@ -292,7 +328,10 @@ fn gather(pool: &Pool, tables: &[Rows], blocks: &[u32], shard: &mut Shard) {
     for (pair, row) in pairs_of(blocks).zip(shard.inputs().chunks_exact_mut(padded(width))) {
         match &pool.inputs {
             Inputs::Direct(numbers) => row[..width].copy_from_slice(&numbers[pair * width..][..width]),
-            Inputs::Corners(corners) => gather_features(tables, &corners[pair], row),
+            Inputs::Corners(corners) => {
+                let texels = pool.places.as_ref().map(|places| places.texels(pair));
+                gather_features(tables, &corners[pair], texels.as_ref(), row);
+            }
         }
     }
 }
@@ -360,17 +399,25 @@ impl Head {
 }
 
 impl Scatter {
-    /// The gradient of a table's rows from that of the features of a batch, pair by pair.
-    fn add(&mut self, features: usize, side: usize, corners: &[[Corners; 2]], blocks: &[u32], shards: &[Shard]) {
+    /// The gradient of a table's rows from that of the features of a batch, which are those columns of the inputs, pair by pair; `at` tells
+    /// a pair's points and weights.
+    fn add<const N: usize>(
+        &mut self,
+        columns: Range<usize>,
+        blocks: &[u32],
+        shards: &[Shard],
+        at: impl Fn(usize) -> ([u32; N], [f32; N]),
+    ) {
+        let features = columns.len();
         self.gradient.fill(0.0);
         self.is_touched.fill(false);
         self.touched.clear();
         for (shard, blocks) in shards.iter().zip(blocks.chunks(SHARD / BLOCK)) {
             let stride = shard.input_gradient().len() / SHARD;
             for (row, pair) in shard.input_gradient().chunks_exact(stride).zip(pairs_of(blocks)) {
-                let row = &row[side * features..][..features];
-                let at = &corners[pair][side];
-                for (point, weight) in at.points.into_iter().zip(at.weights) {
+                let row = &row[columns.clone()];
+                let (points, weights) = at(pair);
+                for (point, weight) in points.into_iter().zip(weights) {
                     if weight == 0.0 {
                         continue;
                     }
@@ -452,7 +499,9 @@ mod tests {
                 is_touched: vec![false; points],
                 touched: Vec::new(),
             };
-            scatter.add(features, side, &corners, &blocks, std::slice::from_ref(&shard));
+            scatter.add(side * features..(side + 1) * features, &blocks, std::slice::from_ref(&shard), |pair| {
+                (corners[pair][side].points, corners[pair][side].weights)
+            });
             for point in 0..points {
                 for feature in 0..features {
                     let mut expected = 0.0;

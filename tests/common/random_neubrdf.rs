@@ -5,6 +5,7 @@ use std::sync::Arc;
 use glam::DVec3;
 use neubrdf::scene::brdf::{
     Codebook, CornerWeights, Dense, Encoding, NeuBrdf, NeuBrdfPack, Provenance, SamplingLobe, SphereGrid, SphereTable,
+    SurfaceGrid, SurfaceTable,
 };
 
 /// A stream of uniform numbers.
@@ -47,6 +48,8 @@ pub struct Shape {
     pub hidden: &'static [u32],
     /// Merge what lies beyond the directions that isotropic materials ask for, or a random half.
     pub is_pruned: bool,
+    /// Texels across and down, and their features.
+    pub surface: Option<([u32; 2], u32)>,
 }
 
 impl Shape {
@@ -59,6 +62,7 @@ impl Shape {
         codes: 256,
         hidden: &[64, 64, 64],
         is_pruned: false,
+        surface: None,
     };
 }
 
@@ -99,7 +103,17 @@ pub fn random_neubrdf(shape: Shape, seed: u64) -> NeuBrdf {
         table
     };
     let (wi, wo) = (table(true), table(false));
-    let mut inputs = 2 * shape.features;
+    let surface = shape.surface.map(|([width, height], features)| {
+        let grid = SurfaceGrid::new(width, height).unwrap();
+        let codes = shape.codes.min(grid.point_count());
+        let codes_of = |count: usize, random: &mut Stream| (0..count).map(|_| half(random.signed())).collect();
+        SurfaceTable {
+            grid,
+            codebook: Arc::new(Codebook { features, codes: codes_of(codes * features as usize, &mut random) }),
+            indices: (0..grid.point_count()).map(|_| random.below(codes) as u16).collect(),
+        }
+    });
+    let mut inputs = 2 * shape.features + shape.surface.map_or(0, |(_, features)| features);
     let mut layers = Vec::new();
     for outputs in shape.hidden.iter().copied().chain([3]) {
         let size = (6.0 / inputs as f32).sqrt() * if outputs == 3 { 0.5 } else { 1.0 };
@@ -113,6 +127,7 @@ pub fn random_neubrdf(shape: Shape, seed: u64) -> NeuBrdf {
         corner_weights: shape.corner_weights,
         wi,
         wo,
+        surface,
         layers,
         encoding: Encoding { gain: 100.0, scale: 2.0, max: 1e5 },
         lobe: SamplingLobe { alpha: [[0.1, 0.2], [0.5, 0.4]], weight: [[0.3, 0.2]; SamplingLobe::NODES] },

@@ -9,9 +9,12 @@ use std::fs;
 use std::sync::{Arc, LazyLock};
 
 use common::random_neubrdf::{Shape, Stream, random_neubrdf};
-use glam::DVec3;
+use glam::{DVec2, DVec3};
 use neubrdf::material::turned;
-use neubrdf::scene::brdf::{CornerWeights, Flaw, NO_CODE, NeuBrdf, Precision, Provenance, SphereGrid, SphereTable};
+use neubrdf::scene::brdf::{
+    Codebook, CornerWeights, Flaw, Footprint, NO_CODE, NeuBrdf, Precision, Provenance, SphereGrid, SphereTable, SurfaceGrid,
+    SurfaceTable,
+};
 use proptest::prelude::*;
 
 /// Small, and with all that a file can have.
@@ -23,7 +26,11 @@ const SMALL: Shape = Shape {
     codes: 5,
     hidden: &[4, 5],
     is_pruned: true,
+    surface: None,
 };
+
+/// The same over a texture.
+const VARYING: Shape = Shape { surface: Some(([3, 2], 5)), ..SMALL };
 
 /// Codes that can be changed.
 fn codes(table: &mut SphereTable) -> &mut Vec<f32> {
@@ -34,10 +41,12 @@ fn shapes() -> Vec<Shape> {
     let full = Shape::FULL;
     vec![
         SMALL,
+        VARYING,
         full,
         Shape { is_isotropic: true, is_pruned: true, ..full },
         Shape { is_pruned: true, corner_weights: CornerWeights::Uniform, ..full },
         Shape { n_side: 1, codes: 1, features: 1, hidden: &[1], ..full },
+        Shape { surface: Some(([16, 8], 8)), ..full },
         Shape { n_side: 16, codes: 1700, features: 32, hidden: &[128, 128, 128], ..full },
     ]
 }
@@ -131,10 +140,14 @@ fn hostile_headers_are_errors() {
         "/materials/0/wi/n_side",
         "/materials/0/wo/n_side",
     ];
-    for pointer in numbers {
+    let of_surface =
+        ["/materials/0/surface/texels/0", "/materials/0/surface/texels/1", "/materials/0/surface/codebook"];
+    let varying = random_neubrdf(VARYING, 1);
+    let all = numbers.map(|pointer| (&brdf, pointer)).into_iter().chain(of_surface.map(|pointer| (&varying, pointer)));
+    for (brdf, pointer) in all {
         for value in huge.map(serde_json::Value::from).into_iter().chain([(-1).into(), 4.5.into(), "4".into()]) {
-            let original = with_header(&brdf, |_| ());
-            let file = with_header(&brdf, |header| *header.pointer_mut(pointer).unwrap() = value.clone());
+            let original = with_header(brdf, |_| ());
+            let file = with_header(brdf, |header| *header.pointer_mut(pointer).unwrap() = value.clone());
             assert!(file == original || NeuBrdf::decode(&file).is_err(), "{pointer} = {value}");
         }
     }
@@ -178,6 +191,19 @@ fn models_that_cannot_be_are_refused() {
         assert_eq!(found, field);
         assert!(brdf.encode(Precision::F32).is_err());
     }
+    type SurfaceChange = fn(&mut SurfaceTable);
+    let changes: [(&str, SurfaceChange); 5] = [
+        ("surface.indices", |surface| surface.indices[2] = 5),
+        ("surface.indices", |surface| surface.indices.truncate(6)),
+        ("surface.indices", |surface| surface.grid = SurfaceGrid::new(4, 4).unwrap()),
+        ("surface.codes", |surface| Arc::make_mut(&mut surface.codebook).codes[7] = f32::INFINITY),
+        ("layers[0]", |surface| *Arc::make_mut(&mut surface.codebook) = Codebook { features: 1, codes: vec![0.0; 9] }),
+    ];
+    for (field, change) in changes {
+        let mut brdf = random_neubrdf(VARYING, 1);
+        change(brdf.surface.as_mut().unwrap());
+        assert_eq!(brdf.validate().unwrap_err().field, field);
+    }
     let mut brdf = random_neubrdf(SMALL, 1);
     codes(&mut brdf.wi)[0] = 1e5;
     assert_eq!(brdf.encode(Precision::F16).unwrap_err().field, "codebooks[0].codes");
@@ -195,8 +221,10 @@ fn errors_name_the_file() {
     assert!(NeuBrdf::load(&path, None).unwrap() == brdf);
 }
 
-static FILES: LazyLock<[Vec<u8>; 4]> =
-    LazyLock::new(|| [0, 1, 2, 3].map(|seed| random_neubrdf(SMALL, seed).encode(Precision::F16).unwrap()));
+static FILES: LazyLock<[Vec<u8>; 4]> = LazyLock::new(|| {
+    [(SMALL, 0), (SMALL, 1), (VARYING, 2), (VARYING, 3)]
+        .map(|(shape, seed)| random_neubrdf(shape, seed).encode(Precision::F16).unwrap())
+});
 
 proptest! {
     #![proptest_config(ProptestConfig { cases: 2000, ..ProptestConfig::default() })]
@@ -217,7 +245,8 @@ proptest! {
             brdf.validate().unwrap();
             let mut random = Stream(seed);
             for _ in 0..20 {
-                let value = brdf.eval(random.direction(), random.direction());
+                let footprint = Footprint { uv: DVec2::new(random.unit(), 3.0 * random.unit()), area: random.unit() };
+                let value = brdf.eval_at(footprint, random.direction(), random.direction());
                 prop_assert!(value.is_finite() && value.min_element() >= 0.0);
             }
         }
@@ -228,7 +257,15 @@ proptest! {
 #[test]
 fn values_are_those_of_the_formula() {
     let shape =
-        Shape { n_side: 1, codes: 1, features: 1, hidden: &[2], is_isotropic: false, is_pruned: false, ..SMALL };
+        Shape {
+            n_side: 1,
+            codes: 1,
+            features: 1,
+            hidden: &[2],
+            is_isotropic: false,
+            is_pruned: false,
+            ..SMALL
+        };
     let mut brdf = random_neubrdf(shape, 1);
     (codes(&mut brdf.wi)[0], codes(&mut brdf.wo)[0]) = (2.0, 3.0);
     brdf.layers[0].weights = vec![1.0, 1.0, 1.0, -1.0];

@@ -9,7 +9,7 @@ use serde_json::json;
 use crate::common::random_neubrdf::{Shape, Stream, random_neubrdf};
 use crate::{SMALL, signed};
 
-const SHAPE: Shape = Shape { is_pruned: false, ..SMALL };
+const SHAPE: Shape = Shape { is_pruned: false, surface: None, ..SMALL };
 
 /// Version 1 of what version 2 holds: `SHAPE` has no merged pixels, so that all lengths are known.
 fn version_1(brdf: &NeuBrdf, change: impl FnOnce(&mut serde_json::Value)) -> Vec<u8> {

@@ -14,6 +14,7 @@ mod safetensors;
 mod sampling_lobe;
 mod sparse;
 mod sphere_grid;
+mod surface_table;
 mod tensor_file;
 
 use std::path::Path;
@@ -30,8 +31,9 @@ pub use neubrdf_file::NeuBrdfPack;
 pub use neubrdf_payload::Precision;
 pub use rgl::{Rgl, RglTable, RglTables, RglWarp};
 pub use sampling_lobe::SamplingLobe;
-pub use sparse::{Sparse, SparseSample};
+pub use sparse::{Sparse, SparseSample, SurfaceSamples};
 pub use sphere_grid::{Located, POLE, SphereGrid};
+pub use surface_table::{Footprint, GatheredTexels, SurfaceGrid, SurfaceTable};
 
 /// A BRDF that a file gives.
 #[derive(Clone, Debug, PartialEq)]
@@ -95,6 +97,11 @@ impl Brdf {
             "csv" => only(Brdf::Sparse(Sparse::read(path, needed_by)?)),
             _ => Err(Error::unexpected(Place::file(path), "a BRDF of an unknown kind", ENDINGS)),
         }
+    }
+
+    /// Whether its values hang on texture coordinates.
+    pub fn is_spatial(&self) -> bool {
+        matches!(self, Brdf::NeuBrdf(neubrdf) if neubrdf.surface.is_some())
     }
 
     /// Adds all that its values depend on to a fingerprint.

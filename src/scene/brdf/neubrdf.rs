@@ -7,7 +7,7 @@ use std::sync::Arc;
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
-use super::{Located, SamplingLobe, SphereGrid};
+use super::{Located, SamplingLobe, SphereGrid, SurfaceTable};
 use crate::scene::hash::put;
 
 /// [`SphereTable::indices`] of a point that is a corner of no pixel, since merging made its pixels one.
@@ -165,7 +165,8 @@ pub struct Provenance {
     pub errors: BTreeMap<String, f64>,
 }
 
-/// A material: value(ωo, ωi) = decode(MLP([features of ωi, features of ωo])).
+/// A material: value(ωo, ωi) = decode(MLP([features of ωi, features of ωo])); of one that varies over a texture, with the features of
+/// the place behind them.
 ///
 /// Isotropic ones are turned about z first, so that ωi has the azimuth 0 and ωo one in [0, π].
 #[derive(Clone, Debug, PartialEq)]
@@ -178,6 +179,8 @@ pub struct NeuBrdf {
     pub wi: SphereTable,
     /// Features of ωo.
     pub wo: SphereTable,
+    /// Features of the place, where the material varies.
+    pub surface: Option<SurfaceTable>,
     /// The network; ReLU after each but the last, which has three outputs.
     pub layers: Vec<Dense>,
     /// What the outputs stand for.
@@ -191,7 +194,7 @@ pub struct NeuBrdf {
 impl NeuBrdf {
     /// Adds all that its values depend on to a fingerprint.
     pub(super) fn put(&self, hasher: &mut blake3::Hasher) {
-        let NeuBrdf { is_isotropic, corner_weights, wi, wo, layers, encoding, lobe, provenance: _ } = self;
+        let NeuBrdf { is_isotropic, corner_weights, wi, wo, surface, layers, encoding, lobe, provenance: _ } = self;
         put(hasher, b"neubrdf");
         put(hasher, &[u8::from(*is_isotropic), u8::from(*corner_weights == CornerWeights::Bilinear)]);
         for SphereTable { grid, codebook, indices, levels } in [wi, wo] {
@@ -199,6 +202,12 @@ impl NeuBrdf {
             put(hasher, &codebook.codes);
             put(hasher, indices);
             put(hasher, levels);
+        }
+        if let Some(SurfaceTable { grid, codebook, indices }) = surface {
+            put(hasher, b"surface");
+            put(hasher, &[grid.size(0), [codebook.features, 0]].concat());
+            put(hasher, &codebook.codes);
+            put(hasher, indices);
         }
         for Dense { inputs: _, outputs: _, weights, bias } in layers {
             put(hasher, weights);

@@ -1,6 +1,6 @@
 //! What makes a NeuBRDF valid.
 
-use super::{Codebook, Dense, Encoding, NO_CODE, NeuBrdf, SamplingLobe, SphereTable};
+use super::{Codebook, Dense, Encoding, NO_CODE, NeuBrdf, SamplingLobe, SphereTable, SurfaceTable};
 
 /// What is wrong with a NeuBRDF.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
@@ -61,10 +61,13 @@ impl NeuBrdf {
             || self.wo.codebook.features.to_string(),
             "as many as ωi has",
         )?;
+        self.surface.as_ref().map_or(Ok(()), SurfaceTable::validate)?;
         let depth = self.layers.len();
         expect((2..=Self::MAX_LAYERS).contains(&depth), "layers", || format!("{depth} layers"), "2 to 8")?;
-        let mut width = self.wi.codebook.features + self.wo.codebook.features;
-        let mut reached = self.wi.codebook.greatest().max(self.wo.codebook.greatest());
+        let surface = self.surface.as_ref().map(|surface| &*surface.codebook);
+        let codebooks = [Some(&*self.wi.codebook), Some(&*self.wo.codebook), surface];
+        let mut width = codebooks.iter().flatten().map(|codebook| codebook.features).sum::<u32>();
+        let mut reached = codebooks.iter().flatten().map(|codebook| codebook.greatest()).fold(0.0, f64::max);
         for (index, layer) in self.layers.iter().enumerate() {
             let field = format!("layers[{index}]");
             expect(layer.inputs == width, &field, || format!("{} inputs", layer.inputs), width.to_string())?;
@@ -190,6 +193,21 @@ impl SphereTable {
             &field("indices"),
             || format!("{:?} at {wrong:?}", wrong.map(|point| self.indices[point])),
             format!("an index below {codes} for each corner of a pixel, and {NO_CODE} for other points"),
+        )
+    }
+}
+
+impl SurfaceTable {
+    fn validate(&self) -> Result<(), Flaw> {
+        self.codebook.validate("surface")?;
+        let (codes, points, count) = (self.codebook.code_count(), self.grid.point_count(), self.indices.len());
+        expect(count == points, "surface.indices", || count.to_string(), format!("one for each of {points} texels"))?;
+        let wrong = self.indices.iter().position(|index| usize::from(*index) >= codes);
+        expect(
+            wrong.is_none(),
+            "surface.indices",
+            || format!("{:?} at {wrong:?}", wrong.map(|point| self.indices[point])),
+            format!("indices below {codes}"),
         )
     }
 }

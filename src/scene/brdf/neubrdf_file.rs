@@ -6,7 +6,7 @@
 //! | 4 | version, 2 |
 //! | 4 | length of the header |
 //! | that | the header, JSON: everything but the numbers below, and how many of each there are |
-//! | rest | codebooks; networks, each layer's weights before its biases; for each material those of ωi, then ωo: merged pixels, indices |
+//! | rest | codebooks; networks, each layer's weights before its biases; for each material those of ωi, then ωo: merged pixels, indices; then, of one that varies, indices of texels |
 //! | 32 | BLAKE3 of all before |
 //!
 //! All is little-endian. Materials name their codebooks and their network by number; each stands there once, however many materials
@@ -23,7 +23,7 @@ use serde::{Deserialize, Serialize};
 
 use super::neubrdf_payload::{Reader, Writer};
 use super::{
-    Codebook, CornerWeights, Dense, Encoding, Flaw, NeuBrdf, Precision, Provenance, SamplingLobe, SphereTable,
+    Codebook, CornerWeights, Dense, Encoding, Flaw, NeuBrdf, Precision, Provenance, SamplingLobe, SphereTable, SurfaceTable,
     neubrdf_file_1, picked,
 };
 use crate::scene::error::{Error, Place, read_bytes};
@@ -75,6 +75,8 @@ struct MaterialHeader {
     corner_weights: CornerWeights,
     wi: TableHeader,
     wo: TableHeader,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    surface: Option<SurfaceHeader>,
     /// Which of the networks.
     network: usize,
     encoding: Encoding,
@@ -90,6 +92,15 @@ struct TableHeader {
     codebook: usize,
     n_side: u32,
     is_merged: bool,
+}
+
+#[derive(Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct SurfaceHeader {
+    /// Which of the codebooks.
+    codebook: usize,
+    /// Texels across and down.
+    texels: [u32; 2],
 }
 
 impl NeuBrdfPack {
@@ -136,12 +147,17 @@ impl NeuBrdfPack {
                 n_side: table.grid.n_side(),
                 is_merged: !table.levels.is_empty(),
             });
+            let surface = material.surface.as_ref().map(|surface| SurfaceHeader {
+                codebook: place_of(&*surface.codebook, &mut codebooks),
+                texels: surface.grid.size(0),
+            });
             materials.push(MaterialHeader {
                 name: name.clone(),
                 is_isotropic: material.is_isotropic,
                 corner_weights: material.corner_weights,
                 wi,
                 wo,
+                surface,
                 network: place_of(&material.layers[..], &mut networks),
                 encoding: material.encoding,
                 lobe: material.lobe.to_floats().to_vec(),
@@ -168,9 +184,10 @@ impl NeuBrdfPack {
         for (index, layers) in networks.iter().enumerate() {
             writer.network(&format!("networks[{index}]"), layers)?;
         }
-        for (_, NeuBrdf { wi, wo, .. }) in &self.materials {
+        for (_, NeuBrdf { wi, wo, surface, .. }) in &self.materials {
             writer.points(wi);
             writer.points(wo);
+            surface.iter().for_each(|surface| writer.texels(surface));
         }
         let mut bytes = writer.bytes;
         bytes.extend(blake3::hash(&bytes).as_bytes());
@@ -180,7 +197,7 @@ impl NeuBrdfPack {
     /// Reads what [`NeuBrdfPack::encode`] wrote, or a file of version 1. What it returns is valid ([`NeuBrdfPack::validate`]).
     ///
     /// # Errors
-    /// For anything else, naming the part that is wrong. Allocates no more than a few times the length of `bytes` and a MiB for
+    /// For anything else, naming the part that is wrong. Allocates no more than some sixteen times the length of `bytes` and a MiB for
     /// each material.
     pub fn decode(bytes: &[u8]) -> Result<NeuBrdfPack, Flaw> {
         let is_cut = || Flaw::new("file", format!("{} bytes", bytes.len()), "more: it is cut off");
@@ -281,17 +298,23 @@ fn decode(header: &[u8], payload: &[u8]) -> Result<NeuBrdfPack, Flaw> {
     let network =
         |(index, header): (usize, &NetworkHeader)| reader.network(&format!("networks[{index}]"), &header.widths);
     let networks = networks.iter().enumerate().map(network).collect::<Result<Vec<_>, Flaw>>()?;
-    let mut table = |name: &str, header: &TableHeader| {
+    let table = |reader: &mut Reader, name: &str, header: &TableHeader| {
         let codebook = named(&codebooks, header.codebook, &format!("{name}.codebook"))?.clone();
         let (grid, levels, indices) = reader.points(name, header.n_side, header.is_merged, codebook.code_count())?;
         Ok(SphereTable { grid, codebook, indices, levels })
+    };
+    let surface = |reader: &mut Reader, header: &SurfaceHeader| {
+        let codebook = named(&codebooks, header.codebook, "surface.codebook")?.clone();
+        let (grid, indices) = reader.texels("surface", header.texels, codebook.code_count())?;
+        Ok(SurfaceTable { grid, codebook, indices })
     };
     let mut material = |header: MaterialHeader| -> Result<(String, NeuBrdf), Flaw> {
         let brdf = NeuBrdf {
             is_isotropic: header.is_isotropic,
             corner_weights: header.corner_weights,
-            wi: table("wi", &header.wi)?,
-            wo: table("wo", &header.wo)?,
+            wi: table(&mut reader, "wi", &header.wi)?,
+            wo: table(&mut reader, "wo", &header.wo)?,
+            surface: header.surface.as_ref().map(|header| surface(&mut reader, header)).transpose()?,
             layers: named(&networks, header.network, "network")?.clone(),
             encoding: header.encoding,
             lobe: lobe(&header.lobe)?,

@@ -5,7 +5,7 @@ use std::fmt;
 use half::f16;
 use serde::{Deserialize, Serialize};
 
-use super::{Codebook, Dense, Flaw, NO_CODE, NeuBrdf, SphereGrid, SphereTable};
+use super::{Codebook, Dense, Flaw, NO_CODE, NeuBrdf, SphereGrid, SphereTable, SurfaceGrid, SurfaceTable};
 
 /// How numbers are stored.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
@@ -29,6 +29,11 @@ impl fmt::Display for Precision {
 /// Bits of an index into so many codes, ≥ 1.
 fn index_bits(codes: usize) -> u32 {
     usize::BITS - (codes - 1).leading_zeros()
+}
+
+/// The same of texels, which may be many: none is free, so that a short file does not become a large table.
+fn texel_bits(codes: usize) -> u32 {
+    index_bits(codes).max(1)
 }
 
 /// A payload that grows.
@@ -65,6 +70,14 @@ impl Writer {
         self.bytes.append(&mut bits.finish());
         let width = index_bits(table.codebook.code_count());
         table.indices.iter().filter(|index| **index != NO_CODE).for_each(|index| bits.put(*index, width));
+        self.bytes.append(&mut bits.finish());
+    }
+
+    /// The indices of a valid table.
+    pub fn texels(&mut self, table: &SurfaceTable) {
+        let mut bits = BitWriter::default();
+        let width = texel_bits(table.codebook.code_count());
+        table.indices.iter().for_each(|index| bits.put(*index, width));
         self.bytes.append(&mut bits.finish());
     }
 
@@ -149,6 +162,24 @@ impl<'a> Reader<'a> {
         let mut bits = Bits { bytes: self.take(&field("indices"), (count * u64::from(width)).div_ceil(8))?, next: 0 };
         let index = |is_corner| if is_corner { bits.take(width) } else { NO_CODE };
         Ok((grid, levels, is_corner.into_iter().map(index).collect()))
+    }
+
+    /// The indices of texels, so many across and down, into `codes` codes, ≥ 1.
+    pub fn texels(
+        &mut self,
+        name: &str,
+        [width, height]: [u32; 2],
+        codes: usize,
+    ) -> Result<(SurfaceGrid, Vec<u16>), Flaw> {
+        let field = |part: &str| format!("{name}.{part}");
+        let grid = SurfaceGrid::new(width, height).ok_or_else(|| {
+            let expected = format!("1 to {} to a side", SurfaceGrid::MAX_SIDE);
+            Flaw::new(field("texels"), format!("{width} × {height}"), expected)
+        })?;
+        let (count, width) = (grid.point_count(), texel_bits(codes));
+        let bytes = (count as u64 * u64::from(width)).div_ceil(8);
+        let mut bits = Bits { bytes: self.take(&field("indices"), bytes)?, next: 0 };
+        Ok((grid, (0..count).map(|_| bits.take(width)).collect()))
     }
 
     fn levels(&mut self, field: &str, grid: SphereGrid) -> Result<Vec<u8>, Flaw> {
