@@ -3,15 +3,16 @@
 mod group;
 #[path = "../common/maps.rs"]
 mod maps;
+mod surface;
 
 use std::f64::consts::FRAC_1_PI;
 
 use glam::DVec3;
-use neubrdf::material::{Bsdf, Evaluate, Prepared, VaryingSurface};
-use neubrdf::scene::brdf::{Brdf, Footprint, NeuBrdf, Precision};
+use neubrdf::material::{Bsdf, Evaluate, Prepared};
+use neubrdf::scene::brdf::{Brdf, NeuBrdf, Precision};
 use neubrdf::scene::{Color, Fresnel, Surface};
 use neubrdf::train::check::check;
-use neubrdf::train::measure::{Query, compare, directional_albedo, pair_errors_at};
+use neubrdf::train::measure::{compare, directional_albedo};
 use neubrdf::train::{Evaluator, GroundTruth, Model, Pair, Plan, Quality, Recipe, Session};
 
 /// A rough metal over a matte base, isotropic.
@@ -213,31 +214,6 @@ fn an_anisotropic_nbrdf_and_a_neubrdf_learn_the_same_metal() {
         let truth = |pairs: &[[DVec3; 2]]| -> Vec<DVec3> { pairs.iter().map(|[wo, wi]| eval(*wo, *wi)).collect() };
         let errors = compare(16, false, &|pairs| evaluator.eval(pairs), &truth).errors;
         assert!(errors.pairs.log < most, "{model:?}: mean |Δ ln(1 + f)| {}", errors.pairs.log);
-    }
-}
-
-/// Tiles of metal: points of them, and averages over larger and larger footprints, up to all of it.
-#[test]
-fn a_material_that_varies_is_learned_at_all_sizes() {
-    const SIDE: u32 = 8;
-    let tiles = VaryingSurface::new(maps::tiles(SIDE, 0.0));
-    let plan = Plan { n_side: [8; 2], steps: 1500, pairs: 1 << 16, ..small(Recipe::Default) }.over([SIDE; 2]);
-    let mut session = Session::new(plan, &GroundTruth::Surface { brdf: &tiles }).unwrap();
-    let evaluator = Evaluator::neubrdf(&NeuBrdf::decode(&finish(&mut session)).unwrap());
-    for level in [0.0, 1.0, 2.0, 3.0] {
-        let texels = 4f64.powf(level);
-        let with = |queries: &[Query], texels: f64| -> Vec<Query> {
-            let area = texels / f64::from(SIDE * SIDE);
-            queries.iter().map(|query| Query { footprint: Footprint { area, ..query.footprint }, ..*query }).collect()
-        };
-        let fit = |queries: &[Query]| evaluator.eval_at(&with(queries, texels));
-        // A texel's worth has been averaged by the maps themselves.
-        let truth = |queries: &[Query]| -> Vec<DVec3> {
-            let at = |query: &Query| tiles.eval_at(query.footprint, query.wo, query.wi);
-            with(queries, texels - 1.0).iter().map(at).collect()
-        };
-        let errors = pair_errors_at(2000, 3, &fit, &truth);
-        assert!(errors.log < 0.05, "level {level}: mean |Δ ln(1 + f)| {}", errors.log);
     }
 }
 
