@@ -4,7 +4,7 @@ CARGO := cargo
 FEATURES := --features embree --locked
 OUT := target/demo
 
-.PHONY: demo test soak bench check study study-fit study-sparse install install-test install-demo
+.PHONY: demo test soak bench check study study-fit study-share study-sparse install install-test install-demo
 
 ## Renders the preview scene, in analytic and in neural materials, to target/demo/preview.png and neural.png (and .exr).
 demo: install-demo
@@ -53,6 +53,11 @@ QUALITY := default
 RECIPES := default
 study-fit:
 	$(CARGO) run --release $(FEATURES) --example study_fit -- --quality $(QUALITY) --recipe $(RECIPES) $(MATERIALS)
+
+## Fits groups of 1, 2, 4 … 64 of MERL's materials that share a codebook a hemisphere, and prints and draws (target/study-share/sharing.svg) what that
+## costs. It goes on where it was stopped.
+study-share:
+	$(CARGO) run --release $(FEATURES) --example study_share
 
 ## Fits a few materials with NeuBRDFs of several sizes, times each on the device, and prints and draws (target/study/study.svg) which
 ## are worth their time. It goes on where it was stopped. STUDY_QUALITY is that of the fits; MATERIALS are names as above.

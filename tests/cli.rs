@@ -246,6 +246,48 @@ fn a_material_is_trained_described_drawn_and_checked() {
     assert_eq!(output.status.code(), Some(3));
 }
 
+/// Groups of what is alike, a pack each; members are listed, and picked by name.
+#[test]
+fn materials_are_grouped_and_trained_together() {
+    let directory = tempfile::tempdir().unwrap();
+    let at = |name: &str| directory.path().join(name);
+    let csv = std::fs::read_to_string(matte_samples(directory.path())).unwrap();
+    for (name, values) in [("red", "0.2,0.1,0.05"), ("pink", "0.21,0.1,0.06"), ("black", "0.001,0.001,0.001")] {
+        std::fs::write(at(name).with_extension("csv"), csv.replace("0.2,0.1,0.05", values)).unwrap();
+    }
+    let inputs = ["red.csv", "black.csv", "pink.csv"].map(|name| at(name).to_str().unwrap().to_owned());
+    let inputs: Vec<&str> = inputs.iter().map(String::as_str).collect();
+    let train = |output: &str, more: &[&str]| {
+        let common = ["--share", "--quality", "draft", "--steps", "60", "--hidden", "16"];
+        succeed(&[&["train"], &inputs[..], &["-o", text(&at(output))], &common, more].concat())
+    };
+    let said = train("group.neubrdf", &["--groups", "2"]);
+    assert!(said.contains("group-1.neubrdf: red pink\n") && said.contains("group-2.neubrdf: black\n"), "{said}");
+    let pack = at("group-1.neubrdf");
+    let facts: serde_json::Value = serde_json::from_str(&succeed(&["material", text(&pack), "--json"])).unwrap();
+    assert_eq!(facts["count"], 2);
+    assert!(facts["materials"]["red"]["wi"]["codes"].is_u64());
+    let report: serde_json::Value = serde_json::from_slice(&std::fs::read(at("group-1.json")).unwrap()).unwrap();
+    assert_eq!(report["bytes"], std::fs::metadata(&pack).unwrap().len());
+    assert_eq!(report["members"][1]["source"], "pink");
+    assert!(std::fs::read_to_string(at("group-1.html")).unwrap().contains("<details>"));
+    for name in ["red", "pink"] {
+        succeed(&["material", text(&pack), "--name", name, "--check", "--max-albedo", "1e9"]);
+    }
+    assert!(fail(&["material", text(&pack), "--check"]).contains("one of the 2 materials"));
+    assert!(fail(&["material", text(&pack), "--name", "rod"]).contains("`red`"));
+
+    assert_eq!(train("all.neubrdf", &["--share-network", "--quiet", "--no-report"]), "");
+    assert!(!at("all.json").exists());
+    let out = at("out.neubrdf");
+    let error = |more: &[&str]| fail(&[&["train"], &inputs[..], &["-o", text(&out)], more].concat());
+    assert!(error(&[]).contains("--share"));
+    assert!(error(&["--share-network"]).contains("--share"));
+    assert!(error(&["--share", "--name", "red"]).contains("several"));
+    assert!(error(&["--share", "--recipe", "unquantised"]).contains("codebooks"));
+    assert!(fail(&["train", inputs[0], inputs[0], "-o", text(&out), "--share"]).contains("`red`"));
+}
+
 #[test]
 fn mistakes_in_training_name_the_thing() {
     let directory = tempfile::tempdir().unwrap();

@@ -15,13 +15,13 @@ use neubrdf::export::{
 };
 use neubrdf::material::LobeSampled;
 use neubrdf::scene::Brdf;
-use neubrdf::scene::brdf::{CornerWeights, NeuBrdf, Precision};
+use neubrdf::scene::brdf::{CornerWeights, Footprint, NeuBrdf, Precision};
 use on_wgpu::OnWgpu;
 use rayon::prelude::*;
 
 fn shipped(name: &str) -> NeuBrdf {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/materials");
-    NeuBrdf::load(&folder.join(name).with_extension("neubrdf")).unwrap()
+    NeuBrdf::load(&folder.join(name).with_extension("neubrdf"), None).unwrap()
 }
 
 /// Models by name, as an export takes them.
@@ -57,7 +57,7 @@ fn deviation(brdf: &NeuBrdf, queries: &[ExportedQuery], answers: &[ExportedAnswe
         .map(|(query, answer)| {
             let numbers = answer.f.iter().chain([&answer.pdf, &answer.sampled_pdf]);
             assert!(numbers.copied().all(|x| x.is_finite() && x >= 0.0), "{query:?} {answer:?}");
-            compare(brdf, query.wo, query.wi, answer.f)
+            compare(brdf, Footprint::WHOLE, query.wo, query.wi, answer.f)
         })
         .reduce(Deviation::default, Deviation::merge)
 }
@@ -216,7 +216,7 @@ fn the_examples_of_the_documentation_compile_and_compute_the_albedo() {
 
     let brdf = &named[0].1;
     let values = Brdf::NeuBrdf(Box::new(brdf.clone()));
-    let sampled = LobeSampled { brdf: &values, lobe: &brdf.lobe };
+    let sampled = LobeSampled { brdf: &values, lobe: &brdf.lobe, footprint: Footprint::WHOLE };
     let golden = [0.8191725f32, 0.6710436, 0.5497005];
     let weight = |i: usize| {
         let u = golden.map(|step| f64::from((0.5 + i as f32 * step).fract()));

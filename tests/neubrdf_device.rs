@@ -6,12 +6,12 @@ use std::fmt::Write;
 use std::sync::Arc;
 
 use common::neubrdf_parity::{Deviation, TOLERANCE, compare, hard_directions};
-use common::random_neubrdf::{Shape, Stream, random_neubrdf};
+use common::random_neubrdf::{Shape, Stream, random_neubrdf, random_pack};
 use common::{LAVAPIPE, SWIFTSHADER, driver};
-use glam::{DVec3, Vec3};
+use glam::{DVec3, Vec2, Vec3};
 use neubrdf::gpu::{Buffer, Commands, Device, Kernel, Memory, spirv};
-use neubrdf::render::{NeuBrdfPush, NeuBrdfQuery, NeuBrdfShape, NeuBrdfValues, pack_neubrdf};
-use neubrdf::scene::brdf::{CornerWeights, NeuBrdf, Precision};
+use neubrdf::render::{NeuBrdfPush, NeuBrdfQuery, NeuBrdfShape, NeuBrdfValues, pack_neubrdf, pack_neubrdf_models};
+use neubrdf::scene::brdf::{CornerWeights, Footprint, NeuBrdf, Precision, SamplingLobe};
 use rayon::prelude::*;
 
 fn evaluate(
@@ -20,14 +20,25 @@ fn evaluate(
     shape: &NeuBrdfShape,
     queries: &[NeuBrdfQuery],
 ) -> Vec<NeuBrdfValues> {
+    evaluate_at(device, &pack_neubrdf(brdf, shape), 0, shape, queries)
+}
+
+/// The model that begins at this word.
+fn evaluate_at(
+    device: &Arc<Device>,
+    words: &[u32],
+    first: usize,
+    shape: &NeuBrdfShape,
+    queries: &[NeuBrdfQuery],
+) -> Vec<NeuBrdfValues> {
     let kernel = Kernel::new(device, spirv::load("eval_neubrdf").unwrap(), &shape.specialization()).unwrap();
-    let table = Buffer::with_data(device, "table", &pack_neubrdf(brdf, shape)).unwrap();
+    let table = Buffer::with_data(device, "table", words).unwrap();
     let input = Buffer::with_data(device, "queries", queries).unwrap();
     let bytes = size_of::<NeuBrdfValues>() * queries.len();
     let output = Buffer::new(device, "values", bytes as u64, Memory::Device).unwrap();
     let mut commands = Commands::begin(device).unwrap();
     let push = NeuBrdfPush {
-        table: table.address(),
+        table: table.address() + 4 * first as u64,
         queries: input.address(),
         results: output.address(),
         count: queries.len() as u32,
@@ -42,7 +53,7 @@ fn queries(n_side: u32, random_count: usize, hard_count: usize) -> Vec<NeuBrdfQu
     let mut random = Stream(17);
     let hard = hard_directions(n_side);
     let above = |w: DVec3| DVec3::new(w.x, w.y, w.z.max(1e-6)).as_vec3();
-    let query = |wo: Vec3, wi_1: Vec3, wi_2: Vec3| NeuBrdfQuery { wo: wo.into(), wi_1: wi_1.into(), wi_2: wi_2.into() };
+    let query = |wo: Vec3, wi_1: Vec3, wi_2: Vec3| NeuBrdfQuery { wo: wo.into(), wi_1: wi_1.into(), wi_2: wi_2.into(), ..Default::default() };
     let mut found: Vec<NeuBrdfQuery> = (0..random_count)
         .map(|_| query(above(random.direction()), above(random.direction()), above(random.direction())))
         .collect();
@@ -51,6 +62,19 @@ fn queries(n_side: u32, random_count: usize, hard_count: usize) -> Vec<NeuBrdfQu
         let other = if index % 3 == 0 { hard[random.below(hard.len())] } else { above(random.direction()) };
         // In turn both hard, the one or the other, and ωi = ωo.
         found.push(if index % 2 == 0 { query(w, other, w) } else { query(other, w, other) });
+    }
+    // Places between and on the texels of any level, repeated and not, points and the whole; models that do not vary ignore them.
+    let steps = [0.0, 1.0, -1.0, 0.5, 0.125, 1.0 - f32::EPSILON, -1e-9, 7.25];
+    for query in &mut found {
+        let mut coordinate = || match random.below(4) {
+            0 => steps[random.below(steps.len())],
+            _ => 4.0 * random.unit() as f32 - 2.0,
+        };
+        query.uv = [coordinate(), coordinate()];
+        query.area = [0.0, 1e-4, 1e30, f32::INFINITY][random.below(4)];
+        if random.below(2) == 0 {
+            query.area = 4f32.powf(-8.0 * random.unit() as f32);
+        }
     }
     found
 }
@@ -65,7 +89,10 @@ fn deviation(device: &Arc<Device>, brdf: &NeuBrdf, queries: &[NeuBrdfQuery]) -> 
             assert_eq!([values.f_1, values.f_2], [halves.f_1, halves.f_2]);
             let numbers = values.f_1.iter().chain(&values.f_2);
             assert!(numbers.copied().all(|f| f.is_finite() && f >= 0.0), "{query:?} {values:?}");
-            compare(brdf, query.wo, query.wi_1, values.f_1).merge(compare(brdf, query.wo, query.wi_2, values.f_2))
+            let NeuBrdfQuery { wo, wi_1, wi_2, uv, area } = *query;
+            let footprint = Footprint { uv: Vec2::from(uv).as_dvec2(), area: area.into() };
+            let compare = |wi, found| compare(brdf, footprint, wo, wi, found);
+            compare(wi_1, values.f_1).merge(compare(wi_2, values.f_2))
         })
         .reduce(Deviation::default, Deviation::merge)
 }
@@ -107,6 +134,14 @@ fn models() -> Vec<(&'static str, Shape, usize, usize)> {
             3_000,
             3_000,
         ),
+        ("varying, 16 × 8 texels", Shape { surface: Some(([16, 8], 8)), n_side: 16, ..full }, 20_000, 10_000),
+        (
+            "varying, isotropic, 5 × 3 texels of 3 features",
+            Shape { surface: Some(([5, 3], 3)), n_side: 8, is_isotropic: true, features: 5, ..full },
+            5_000,
+            5_000,
+        ),
+        ("varying, of one texel", Shape { surface: Some(([1, 1], 1)), n_side: 4, hidden: &[20], ..full }, 2_000, 2_000),
         ("five layers", Shape { features: 8, hidden: &[16, 32, 16, 8], n_side: 8, ..full }, 3_000, 3_000),
     ]
 }
@@ -131,9 +166,42 @@ fn check(driver_name: &str, share: usize) {
     assert!(holds, "{text}");
 }
 
+/// Members of a pack, which find their codes behind all models, have the values to the bit that they have alone.
+fn check_pack(driver_name: &str) {
+    let Some(driver) = driver(driver_name) else { return };
+    let shape = Shape { n_side: 16, is_isotropic: true, is_pruned: true, hidden: &[16, 16], ..Shape::FULL };
+    for shares_network in [false, true] {
+        let pack = random_pack(shape, 4, shares_network);
+        let models = || pack.materials.iter().map(|(_, member)| member);
+        let kernel = NeuBrdfShape::of(models(), Precision::F16).on(&driver.device);
+        let (words, firsts) = pack_neubrdf_models(models(), &kernel);
+        let queries = queries(16, 300, 300);
+        for (member, first) in models().zip(firsts) {
+            let model = first as usize + SamplingLobe::FLOATS;
+            let values = evaluate_at(&driver.device, &words, model, &kernel, &queries);
+            let alone = evaluate(&driver.device, member, &kernel, &queries);
+            for (query, (values, alone)) in queries.iter().zip(values.iter().zip(&alone)) {
+                assert_eq!([values.f_1, values.f_2], [alone.f_1, alone.f_2]);
+                assert!(compare(member, Footprint::WHOLE, query.wo, query.wi_1, values.f_1).worst <= TOLERANCE);
+            }
+        }
+    }
+    driver.finish();
+}
+
 #[test]
 fn lavapipe_agrees_with_the_definition() {
     check(LAVAPIPE, 1);
+}
+
+#[test]
+fn lavapipe_evaluates_members_of_packs_as_if_alone() {
+    check_pack(LAVAPIPE);
+}
+
+#[test]
+fn swiftshader_evaluates_members_of_packs_as_if_alone() {
+    check_pack(SWIFTSHADER);
 }
 
 #[test]

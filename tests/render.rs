@@ -7,12 +7,16 @@ use std::ops::ControlFlow;
 use std::sync::Arc;
 
 use common::*;
-use glam::Vec3;
+use glam::{DVec2, DVec3, Vec2, Vec3};
 use neubrdf::converge::Metrics;
 use neubrdf::gpu::{Device, DeviceChoice, Instance, Validation};
 use neubrdf::image::{Crop, Picture, plane};
 use neubrdf::render::{Checkpoint, Features, Limits, Options, Renderer, Sampler, Settings, Stopped, Traversal, run};
-use neubrdf::scene::{Brdf, Environment, LightTable, Scene, Sun, Surface};
+use neubrdf::scene::brdf::{
+    Codebook, CornerWeights, Dense, Encoding, Footprint, NeuBrdf, Provenance, SphereGrid, SphereTable, SurfaceGrid,
+    SurfaceTable,
+};
+use neubrdf::scene::{Brdf, Environment, LightTable, SamplingLobe, Scene, Sun, Surface};
 
 fn settings() -> Settings {
     Settings { max_depth: 6, seed: 7, ..Settings::default() }
@@ -432,4 +436,88 @@ fn the_error_limit_ends_a_render() {
 fn mean(picture: &Picture) -> f32 {
     let pixels = picture.rgb(plane::BEAUTY).unwrap();
     (pixels.iter().flatten().map(|value| f64::from(*value)).sum::<f64>() / (3 * pixels.len()) as f64) as f32
+}
+
+/// Matte, of albedo 0.1 and 0.9 in turn from texel to texel, and 0.5 in coarser ones.
+fn checkers(side: u32) -> NeuBrdf {
+    // So little gain that the network's output, the feature itself, is the value times a constant.
+    let gain = 1e-3;
+    let albedos = [0.1, 0.9, 0.5].map(|albedo: f32| (gain * albedo / std::f32::consts::PI).ln_1p());
+    let grid = SurfaceGrid::new(side, side).unwrap();
+    let index = |point: u32| if point < side * side { (point / side + point % side) % 2 } else { 2 } as u16;
+    let sphere = SphereGrid::new(1).unwrap();
+    let nothing = SphereTable {
+        grid: sphere,
+        codebook: Arc::new(Codebook { features: 1, codes: vec![0.0] }),
+        indices: vec![0; sphere.point_count()],
+        levels: Vec::new(),
+    };
+    NeuBrdf {
+        is_isotropic: true,
+        corner_weights: CornerWeights::Bilinear,
+        wi: nothing.clone(),
+        wo: nothing,
+        surface: Some(SurfaceTable {
+            grid,
+            codebook: Arc::new(Codebook { features: 1, codes: albedos.into() }),
+            indices: (0..grid.point_count() as u32).map(index).collect(),
+        }),
+        layers: vec![
+            Dense { inputs: 3, outputs: 1, weights: vec![0.0, 0.0, 1.0], bias: vec![0.0] },
+            Dense { inputs: 1, outputs: 3, weights: vec![1.0; 3], bias: vec![0.0; 3] },
+        ],
+        encoding: Encoding { gain, scale: 1.0, max: 1.0 },
+        lobe: SamplingLobe::COSINE,
+        provenance: Provenance::default(),
+    }
+}
+
+/// Each sample of a far pixel is the mean of what points there show, whose samples differ by 0.4; near ones show the checkers.
+#[test]
+fn distant_texture_does_not_alias() {
+    let Some(driver) = driver(LAVAPIPE) else { return };
+    let model = checkers(32);
+    let points = (0..4096).map(|i| DVec2::new((f64::from(i) * 0.7549).fract(), (f64::from(i) * 0.5698).fract()));
+    let albedos = points.map(|uv| model.eval_at(Footprint::point(uv), DVec3::Z, DVec3::Z).x * std::f64::consts::PI);
+    let mean = albedos.sum::<f64>() / 4096.0;
+    let mut ground = floor(40.0, 0);
+    ground.uvs = [Vec2::ZERO, Vec2::X, Vec2::ONE, Vec2::Y].map(|uv| 8.0 * uv).to_vec();
+    let (eye, ahead) = (Vec3::new(0.3, 2.0, 40.0), Vec3::new(0.3, 2.0, 39.0));
+    let surface = Surface::Measured { brdf: 0 };
+    let mut scene = scene(vec![ground], vec![material("checkers", surface)], eye, ahead, [48, 36]);
+    scene.camera.vertical_fov_degrees = 40.0;
+    scene.brdfs = vec![Arc::new(Brdf::NeuBrdf(Box::new(model)))];
+    scene.environment = Some(Environment::constant(Vec3::ONE));
+    // Directions by the cosine under a sky of 1: a sample is the albedo that was looked up.
+    let settings = Settings { max_depth: 2, light_sampling: false, ..settings() };
+    let picture = render(&driver.device, &scene, &settings, &bvh(), 1);
+    let rows = |rows: std::ops::Range<usize>| -> Vec<f64> {
+        let pixels = picture.rgb(plane::BEAUTY).unwrap();
+        rows.flat_map(|row| (0..48).map(move |column| row * 48 + column)).map(|at| pixels[at][0].into()).collect()
+    };
+    // 33 to 49 units away, where a pixel covers more than a hundred texels.
+    let far = rows(20..21);
+    assert!(far.iter().all(|albedo| (albedo - mean).abs() < 0.01), "{mean} {far:?}");
+    let near = rows(33..36);
+    let variance = near.iter().map(|albedo| (albedo - 0.5).powi(2)).sum::<f64>() / near.len() as f64;
+    // Of checkers, bilinearly: 0.4² / 9.
+    assert!(variance > 0.012 && near.iter().all(|albedo| (0.09..=0.91).contains(albedo)), "{variance} {near:?}");
+    driver.finish();
+}
+
+/// A scene without a material that varies is rendered by kernels whose constants leave all of that out.
+#[test]
+fn only_scenes_with_materials_that_vary_keep_footprints() {
+    let with = |model: NeuBrdf| {
+        let mut scene = still_life(Surface::Measured { brdf: 0 });
+        scene.brdfs = vec![Arc::new(Brdf::NeuBrdf(Box::new(model)))];
+        Features::of(&scene, &LightTable::new(&scene))
+    };
+    let (varies, constant) = (with(checkers(4)), with(NeuBrdf { surface: None, ..checkers(4) }));
+    assert!(varies.footprints && !constant.footprints);
+    for (features, value) in [(varies, 1), (constant, 0)] {
+        let plans = features.kernels(Traversal::Bvh, &settings(), 64);
+        assert!(plans.iter().all(|plan| plan.specialization.contains(&(29, value))));
+    }
+    assert!(constant.lacks_of(&varies).is_some() && varies.lacks_of(&constant).is_none());
 }

@@ -24,11 +24,11 @@ pub fn run() -> Result<()> {
 
 /// As benches/mitsuba_neubrdf.py reads it.
 fn for_mitsuba(brdf: &NeuBrdf) -> Value {
-    let table = |table: &SphereTable| json!({ "codes": table.codes, "indices": table.indices });
+    let table = |table: &SphereTable| json!({ "codes": table.codebook.codes, "indices": table.indices });
     let layer = |layer: &Dense| json!({ "weights": layer.weights, "bias": layer.bias });
     json!({
         "n_side": brdf.wi.grid.n_side(),
-        "features": brdf.wi.features,
+        "features": brdf.wi.codebook.features,
         "alpha": ALPHA,
         "wi": table(&brdf.wi),
         "wo": table(&brdf.wo),

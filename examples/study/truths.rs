@@ -4,7 +4,7 @@ use std::collections::HashMap;
 use std::path::Path;
 use std::sync::{Arc, Mutex, PoisonError};
 
-use anyhow::{Context, Result};
+use anyhow::Result;
 use glam::{DVec3, Vec2, Vec3};
 use neubrdf::material::{Bsdf, Evaluate, LayeredWalk, Prepared, color};
 use neubrdf::scene::brdf::Brdf;
@@ -44,12 +44,18 @@ impl Truth {
         Truth { name, is_isotropic, is_ours, learned, measured, pairs: Mutex::default(), values: Mutex::default() }
     }
 
+    /// What training sees, at one pair.
+    #[allow(dead_code)] // a study need not ask
+    pub fn eval(&self, wo: DVec3, wi: DVec3) -> DVec3 {
+        (self.learned)(wo, wi)
+    }
+
     /// Pairs to learn from.
     pub fn pairs(&self, count: usize, seed: u64) -> Vec<Pair> {
         let eval = |wo: DVec3, wi: DVec3| (self.learned)(wo, wi);
         let truth = GroundTruth::Function { eval: &eval, is_isotropic: self.is_isotropic };
         let mut pairs = self.pairs.lock().unwrap_or_else(PoisonError::into_inner);
-        pairs.entry((count, seed)).or_insert_with(|| truth.pairs(count, seed)).clone()
+        pairs.entry((count, seed)).or_insert_with(|| truth.pairs(count, seed, None)).clone()
     }
 
     /// The values that a fit is compared with, at each (ωo, ωi).
@@ -68,24 +74,13 @@ impl Truth {
 pub fn published() -> Result<Vec<Truth>> {
     let mut truths = Vec::new();
     for file in PUBLISHED.map(Path::new).into_iter().filter(|file| file.exists()) {
-        for name in names(&std::fs::read(file)?)? {
+        for name in Brdf::names(file)? {
             let brdf = Brdf::load(file, Some(&name))?;
             let eval: Eval = Arc::new(move |wo, wi| brdf.eval(wo, wi));
             truths.push(Truth::new(&name, true, false, [eval.clone(), eval]));
         }
     }
     Ok(truths)
-}
-
-/// The materials of a safetensors file.
-fn names(bytes: &[u8]) -> Result<Vec<String>> {
-    let (length, rest) = bytes.split_first_chunk::<8>().context("a safetensors file is longer than that")?;
-    let header = rest.get(..u64::from_le_bytes(*length) as usize).context("the header is cut short")?;
-    let header: serde_json::Map<String, serde_json::Value> = serde_json::from_slice(header)?;
-    let mut names: Vec<String> =
-        header.keys().filter_map(|key| Some(key.strip_suffix("/kernel1")?.to_owned())).collect();
-    names.sort();
-    Ok(names)
 }
 
 /// Closed, layered and woven surfaces.

@@ -1,4 +1,4 @@
-// Evaluates one NeuBRDF for pairs of light directions in an array: what tests and benches run.
+// Evaluates one NeuBRDF at places, for pairs of light directions in an array: what tests and benches run.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 
@@ -10,6 +10,8 @@ struct NeuBrdfQuery {
     vec3 wo;
     vec3 wi_1;
     vec3 wi_2;
+    vec2 uv;
+    float area;
 };
 layout(buffer_reference, scalar, buffer_reference_align = 4) readonly buffer NeuBrdfQueries { NeuBrdfQuery at[]; };
 
@@ -32,7 +34,7 @@ void main() {
     uint i = gl_GlobalInvocationID.x;
     NeuBrdfQuery query = push.queries.at[min(i, push.count - 1u)];
     NeuBrdfValues values;
-    neubrdf_eval_pair(push.table, query.wo, query.wi_1, query.wi_2, values.f_1, values.f_2);
+    neubrdf_eval_pair(push.table, NeuBrdfPlace(query.uv, query.area), query.wo, query.wi_1, query.wi_2, values.f_1, values.f_2);
     if (i < push.count) {
         push.results.at[i] = values;
     }

@@ -9,6 +9,7 @@ layout(constant_id = 21) const uint NEUBRDF_HIDDEN_GROUPS = 16u;   // of four ne
 layout(constant_id = 22) const uint NEUBRDF_LAYERS = 4u;
 layout(constant_id = 23) const bool NEUBRDF_HALF = false;          // codes, weights and biases are f16
 layout(constant_id = 24) const bool NEUBRDF_ISOTROPIC = true;      // some model is
+layout(constant_id = 28) const uint NEUBRDF_SURFACE_GROUPS = 0u;   // of four features of a place; 0 where no model varies
 
 struct SphereTableRecord {
     uint n_side;
@@ -26,8 +27,8 @@ struct NeuBrdfHeader {
     float scale;           // of the network's output: the exponent
     float most_exponent;   // at which the value is the greatest
     float inverse_gain;
-    uint padding_0;
-    uint padding_1;
+    uint surface;          // see lib/neubrdf_surface.glsl; 0: the model is the same everywhere
+    uint padding;
 };
 
 #endif

@@ -54,8 +54,8 @@ uint queue_count() {
 // what it points to.
 struct PathPool {
     Vec4Array origin;            // xyz: ray origin; w: pdf of the BSDF sample that made the ray, 0 where no light sample competes
-    Vec4Array direction;         // xyz: unit ray direction
-    Vec4Array throughput;        // rgb
+    Vec4Array direction;         // xyz: unit ray direction; w: by which the path's cone grows, lib/footprint.glsl
+    Vec4Array throughput;        // rgb; w: the cone's width at the ray's origin
     Vec4Array radiance;          // rgb: what the path has gathered
     UVec4Array hit_key;          // instance, triangle; SampleKey
     Vec4Array shadow_origin;     // by place in the shadow queue. xyz: origin; w: contribution.r

@@ -7,6 +7,9 @@
 //     vec4 bsdf_eval_pdf(Bsdf b, vec3 wo, vec3 wi);          rgb: f without the cosine, a: pdf; Dirac lobes count as 0
 //     BsdfSample bsdf_sample(Bsdf b, vec3 wo, vec3 u);       u.xy: direction, u.z: lobe
 //
+// One that varies over a texture otherwise than by a colour defines BSDF_HAS_PLACE and `void bsdf_look_at(inout Bsdf b, vec2 uv, float area)`;
+// until that is called it is its average.
+//
 // BRDFs without a sampler of their own define but their values, and include lib/lobe.glsl, which does the rest.
 //
 // Directions are unit vectors in the local frame, both pointing away. The definitions are src/material's; here they

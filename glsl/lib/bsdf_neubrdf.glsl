@@ -11,10 +11,11 @@
 
 struct Brdf {
     uvec2 table;    // a NeuBrdfTable
+    NeuBrdfPlace place;
 };
 
 Brdf brdf_make(MaterialRecord material) {
-    return Brdf(lobe_brdf_data(material));
+    return Brdf(lobe_brdf_data(material), NEUBRDF_WHOLE);
 }
 
 void brdf_eval_pair(Brdf b, vec3 wo, vec3 wi_1, vec3 wi_2, out vec3 f_1, out vec3 f_2) {
@@ -28,7 +29,7 @@ void brdf_eval_pair(Brdf b, vec3 wo, vec3 wi_1, vec3 wi_2, out vec3 f_1, out vec
         }
         uvec2 table = subgroupShuffle(b.table, subgroupBallotFindLSB(open));
         vec3 value_1, value_2;
-        neubrdf_eval_pair(table, wo, wi_1, wi_2, value_1, value_2);
+        neubrdf_eval_pair(table, b.place, wo, wi_1, wi_2, value_1, value_2);
         if (!is_done && table == b.table) {
             f_1 = value_1;
             f_2 = value_2;
@@ -38,5 +39,12 @@ void brdf_eval_pair(Brdf b, vec3 wo, vec3 wi_1, vec3 wi_2, out vec3 f_1, out vec
 }
 
 #include "lib/lobe.glsl"
+
+#define BSDF_HAS_PLACE
+
+// At texture coordinates, and how much about them.
+void bsdf_look_at(inout Bsdf b, vec2 uv, float area) {
+    b.brdf.place = NeuBrdfPlace(uv, area);
+}
 
 #endif

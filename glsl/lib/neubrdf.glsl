@@ -27,7 +27,10 @@
 #include "lib/exponential.glsl"
 #include "lib/healpix.glsl"
 
-const uint NEUBRDF_INPUT_GROUPS = 2u * NEUBRDF_FEATURE_GROUPS;
+// Features of the place, of wo, and of wi.
+const uint NEUBRDF_INPUT_GROUPS = NEUBRDF_SURFACE_GROUPS + 2u * NEUBRDF_FEATURE_GROUPS;
+// Of these, what is the same for all directions of light: where some model is isotropic, wo's hang on them.
+const uint NEUBRDF_SHARED_GROUPS = NEUBRDF_SURFACE_GROUPS + (NEUBRDF_ISOTROPIC ? 0u : NEUBRDF_FEATURE_GROUPS);
 const uint NEUBRDF_GROUPS = NEUBRDF_INPUT_GROUPS > NEUBRDF_HIDDEN_GROUPS ? NEUBRDF_INPUT_GROUPS : NEUBRDF_HIDDEN_GROUPS;
 const uint NEUBRDF_SLOTS = NEUBRDF_DIRECTIONS * NEUBRDF_GROUPS;    // one direction after another
 const uint NEUBRDF_PAIRS = NEUBRDF_LAYERS / 2u;
@@ -37,6 +40,8 @@ const bool NEUBRDF_IS_ODD = (NEUBRDF_LAYERS & 1u) != 0u;
 uint neubrdf_first(uint distance) {
     return NEUBRDF_HALF ? 2u * distance : distance;
 }
+
+#include "lib/neubrdf_surface.glsl"
 
 // The weighted sum of the codes at the corners of the pixel of w: features of direction d, from group `first` on.
 void neubrdf_features(NeuBrdfTable table, SphereTableRecord sphere, bool has_equal_weights, vec3 w, uint d, uint first, inout vec4 x[NEUBRDF_SLOTS]) {
@@ -61,9 +66,9 @@ void neubrdf_features(NeuBrdfTable table, SphereTableRecord sphere, bool has_equ
     }
 }
 
-// Sums of a pair of layers, whose numbers begin at group `at`, without the second one's ReLU. If `shares`, the first half of the
-// inputs, the features of wo, is the same for all directions.
-void neubrdf_pair(NeuBrdfTable table, inout uint at, uint inputs, uint outputs, bool shares, inout vec4 x[NEUBRDF_SLOTS]) {
+// Sums of a pair of layers, whose numbers begin at group `at`, without the second one's ReLU. The first `shared_inputs` groups of the inputs are
+// the same for all directions.
+void neubrdf_pair(NeuBrdfTable table, inout uint at, uint inputs, uint outputs, uint shared_inputs, inout vec4 x[NEUBRDF_SLOTS]) {
     vec4 sum[NEUBRDF_SLOTS];
     [[unroll]] for (uint i = 0u; i < NEUBRDF_GROUPS; ++i) {
         if (i < outputs) {
@@ -86,7 +91,7 @@ void neubrdf_pair(NeuBrdfTable table, inout uint at, uint inputs, uint outputs, 
                 [[unroll]] for (uint c = 0u; c < 4u; ++c) {
                     vec4 weights = neubrdf_next(run, 1u + 4u * i + c);
                     [[unroll]] for (uint d = 0u; d < NEUBRDF_DIRECTIONS; ++d) {
-                        y[d] = d > 0u && shares && 2u * i < inputs ? y[0] : y[d] + weights * x[d * NEUBRDF_GROUPS + i][c];
+                        y[d] = d > 0u && i < shared_inputs ? y[0] : y[d] + weights * x[d * NEUBRDF_GROUPS + i][c];
                     }
                 }
             }
@@ -127,26 +132,29 @@ vec3 neubrdf_decode(NeuBrdfHeader header, vec3 y) {
     return expm1(clamp(header.scale * y, 0.0, header.most_exponent)) * header.inverse_gain;
 }
 
-// f(wo, wi), without the cosine, for directions above the surface.
-void neubrdf_values(NeuBrdfTable table, vec3 wo, vec3 wi[NEUBRDF_DIRECTIONS], out vec3 f[NEUBRDF_DIRECTIONS]) {
+// f(wo, wi) as seen at a place, without the cosine, for directions above the surface.
+void neubrdf_values(NeuBrdfTable table, NeuBrdfPlace place, vec3 wo, vec3 wi[NEUBRDF_DIRECTIONS], out vec3 f[NEUBRDF_DIRECTIONS]) {
     NeuBrdfHeader header = neubrdf_header(table);
     bool has_equal_weights = header.has_equal_weights != 0u;
     vec4 x[NEUBRDF_SLOTS];
+    if (NEUBRDF_SURFACE_GROUPS > 0u) {
+        neubrdf_surface_features(table, header.surface, place, x);
+    }
     [[unroll]] for (uint d = 0u; d < NEUBRDF_DIRECTIONS; ++d) {
         bool turns = NEUBRDF_ISOTROPIC && header.is_isotropic != 0u;
         vec3 wi_turned = turns ? vec3(length(wi[d].xy), 0.0, wi[d].z) : wi[d];
         vec3 wo_turned = turns ? neubrdf_turned(wo, wi[d]) : wo;
-        neubrdf_features(table, header.wi, has_equal_weights, wi_turned, d, NEUBRDF_FEATURE_GROUPS, x);
+        neubrdf_features(table, header.wi, has_equal_weights, wi_turned, d, NEUBRDF_SURFACE_GROUPS + NEUBRDF_FEATURE_GROUPS, x);
         // Where no model is isotropic, wo's are the same for all.
         if (d == 0u || NEUBRDF_ISOTROPIC) {
-            neubrdf_features(table, header.wo, has_equal_weights, wo_turned, d, 0u, x);
+            neubrdf_features(table, header.wo, has_equal_weights, wo_turned, d, NEUBRDF_SURFACE_GROUPS, x);
         }
     }
     uint at = neubrdf_first(header.layers);
     uint inputs = NEUBRDF_INPUT_GROUPS;
     [[unroll]] for (uint pair = 0u; pair < NEUBRDF_PAIRS; ++pair) {
         bool is_last = !NEUBRDF_IS_ODD && pair == NEUBRDF_PAIRS - 1u;
-        neubrdf_pair(table, at, inputs, is_last ? 1u : NEUBRDF_HIDDEN_GROUPS, pair == 0u && !NEUBRDF_ISOTROPIC, x);
+        neubrdf_pair(table, at, inputs, is_last ? 1u : NEUBRDF_HIDDEN_GROUPS, pair == 0u ? NEUBRDF_SHARED_GROUPS : 0u, x);
         inputs = NEUBRDF_HIDDEN_GROUPS;
         if (!is_last) {
             [[unroll]] for (uint i = 0u; i < NEUBRDF_HIDDEN_GROUPS; ++i) {

@@ -75,10 +75,10 @@ vec4 neubrdf_next(inout NeuBrdfRun run, uint place) {
 
 #include "lib/neubrdf.glsl"
 
-// f(wo, wi), without the cosine, for directions above the surface. `table` is the same for all invocations of a subgroup.
-void neubrdf_eval_pair(uvec2 table, vec3 wo, vec3 wi_1, vec3 wi_2, out vec3 f_1, out vec3 f_2) {
+// f(wo, wi) as seen at a place, without the cosine, for directions above the surface. `table` is the same for all invocations of a subgroup.
+void neubrdf_eval_pair(uvec2 table, NeuBrdfPlace place, vec3 wo, vec3 wi_1, vec3 wi_2, out vec3 f_1, out vec3 f_2) {
     vec3 f[NEUBRDF_DIRECTIONS];
-    neubrdf_values(NeuBrdfTable(table), wo, vec3[NEUBRDF_DIRECTIONS](wi_1, wi_2), f);
+    neubrdf_values(NeuBrdfTable(table), place, wo, vec3[NEUBRDF_DIRECTIONS](wi_1, wi_2), f);
     f_1 = f[0];
     f_2 = f[1];
 }

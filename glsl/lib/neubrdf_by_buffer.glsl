@@ -1,7 +1,8 @@
 // NeuBRDFs in a plain storage buffer: the material alone, for other tracers. It needs GLSL 4.50, and the file that
 // `neubrdf export --shader glsl` writes is this one with all that it includes.
 //
-//     vec3 neubrdf_eval(uint model, vec3 wo, vec3 wi)              f in 1/sr, RGB, without the cosine; 0 if either is below the surface
+//     vec3 neubrdf_eval(uint model, vec3 wo, vec3 wi)              f in 1/sr, RGB, without the cosine; 0 if either is below the surface;
+//                                                                  of a material that varies over a texture, its average
 //     float neubrdf_pdf(uint model, vec3 wo, vec3 wi)              per unit solid angle, of neubrdf_sample
 //     NeuBrdfSample neubrdf_sample(uint model, vec3 wo, vec3 u)    u in [0, 1)³: two numbers for the direction, one that picks a lobe
 //
@@ -53,7 +54,7 @@ NeuBrdfHeader neubrdf_header(NeuBrdfTable table) {
     return NeuBrdfHeader(neubrdf_sphere(table, 0u), neubrdf_sphere(table, 4u),
         neubrdf_word(table, 8u), neubrdf_word(table, 9u), neubrdf_word(table, 10u),
         uintBitsToFloat(neubrdf_word(table, 11u)), uintBitsToFloat(neubrdf_word(table, 12u)), uintBitsToFloat(neubrdf_word(table, 13u)),
-        0u, 0u);
+        neubrdf_word(table, 14u), 0u);
 }
 
 struct NeuBrdfRun {
@@ -91,7 +92,7 @@ Lobes neubrdf_lobes(uint model, float cosine) {
 vec3 neubrdf_eval(const uint model, const vec3 wo, const vec3 wi) {
     if (!both_above(wo, wi)) return vec3(0.0);
     vec3 f[NEUBRDF_DIRECTIONS];
-    neubrdf_values(NeuBrdfTable(model + LOBE_BYTES / 4u), wo, vec3[NEUBRDF_DIRECTIONS](wi), f);
+    neubrdf_values(NeuBrdfTable(model + LOBE_BYTES / 4u), NEUBRDF_WHOLE, wo, vec3[NEUBRDF_DIRECTIONS](wi), f);
     return f[0];
 }
 

@@ -4,6 +4,7 @@
 #define LIB_PASS_SHADE
 
 #include "lib/bsdf.glsl"
+#include "lib/footprint.glsl"
 #include "lib/light.glsl"
 #include "lib/queue.glsl"
 #include "lib/sampler.glsl"
@@ -84,8 +85,10 @@ void pass_shade() {
     uint slot = queue_slot(queue, min(gl_GlobalInvocationID.x, length - 1u));
     Lights lights = lights_of(scene);
     vec4 origin = pool.origin.at[slot];
-    vec3 direction = pool.direction.at[slot].xyz;
-    vec3 throughput = pool.throughput.at[slot].rgb;
+    vec4 direction_spread = pool.direction.at[slot];
+    vec3 direction = direction_spread.xyz;
+    vec4 throughput_width = pool.throughput.at[slot];
+    vec3 throughput = throughput_width.rgb;
     uvec4 hit_key = pool.hit_key.at[slot];
     Surface surface = surface_at(scene, Hit(hit_key.x, hit_key.y), origin.xyz, direction, FAMILY != FAMILY_DIELECTRIC);
     MaterialRecord material = scene.materials.at[surface.material];
@@ -102,6 +105,14 @@ void pass_shade() {
     uint dimension = bounce * DIMENSIONS_PER_BOUNCE;
     vec3 wo = frame_to_local(surface.frame, -direction);
     Bsdf bsdf = bsdf_make(material, material_color(scene, material, surface.uv));
+    Cone cone = Cone(0.0, 0.0);
+    if (HAS_FOOTPRINTS) {
+        cone = bounce == 0u ? camera_cone(direction) : Cone(throughput_width.w, direction_spread.w);
+        cone = cone_at(cone, surface);
+#ifdef BSDF_HAS_PLACE
+        bsdf_look_at(bsdf, surface.uv, cone_area(cone, surface, direction));
+#endif
+    }
     bool takes_hemisphere = strategy_takes_hemisphere(has_dirac_lobe(bsdf, material));
     ShadowRay shadow = ShadowRay(vec3(0.0), vec3(0.0), vec3(0.0));
     vec2 lobe_roulette = sample_2d(key, dimension + DIMENSION_LOBE_ROULETTE);
@@ -150,8 +161,9 @@ void pass_shade() {
         && frame_is_consistent(surface.frame, wi, next.wi);
     if (goes_on) {
         pool.origin.at[slot] = vec4(leave(surface, wi), next.is_delta || !SAMPLES_LIGHTS ? 0.0 : next.pdf);
-        pool.direction.at[slot] = vec4(wi, 0.0);
-        pool.throughput.at[slot] = vec4(throughput / survival, 0.0);
+        Cone next_cone = HAS_FOOTPRINTS ? cone_scattered(cone, next.pdf, next.is_delta) : cone;
+        pool.direction.at[slot] = vec4(wi, next_cone.spread);
+        pool.throughput.at[slot] = vec4(throughput / survival, next_cone.width);
     }
     queue_push(bounce + 1u, QUEUE_TRACE, goes_on, slot);
 }

@@ -15,6 +15,7 @@ struct Surface {
     vec3 front;               // unit normal of the triangle's front
     Frame frame;              // turned towards the ray where the surface is opaque
     vec2 uv;
+    float uv_density;         // area in uv of a unit of area in world space; enormous where there is no uv
     float distance_squared;   // from the ray's origin
     uint material;
 };
@@ -55,6 +56,7 @@ Surface surface_at(SceneTable scene, Hit hit, vec3 origin, vec3 direction, bool 
     vec3 shading = vec3(0.0);
     vec3 dpdu = vec3(0.0);
     surface.uv = vec2(0.0);
+    float uv_area = 0.0;
     if (has_normals(mesh)) {
         shading = w * mesh.normals.at[corners.x] + u * mesh.normals.at[corners.y] + v * mesh.normals.at[corners.z];
     }
@@ -64,7 +66,9 @@ Surface surface_at(SceneTable scene, Hit hit, vec3 origin, vec3 direction, bool 
         vec2 edge_2 = mesh.uvs.at[corners.z] - uv0;
         surface.uv = uv0 + u * edge_1 + v * edge_2;
         // dp/du times the determinant of the texture mapping, which counts for its sign alone.
-        float sign_of_map = edge_1.x * edge_2.y - edge_1.y * edge_2.x < 0.0 ? -1.0 : 1.0;
+        float determinant = edge_1.x * edge_2.y - edge_1.y * edge_2.x;
+        float sign_of_map = determinant < 0.0 ? -1.0 : 1.0;
+        uv_area = abs(determinant);
         dpdu = sign_of_map * (edge_2.y * (v1 - v0) - edge_1.y * (v2 - v0));
     }
     if (INSTANCED) {
@@ -77,6 +81,13 @@ Surface surface_at(SceneTable scene, Hit hit, vec3 origin, vec3 direction, bool 
         shading = transform_normal(instance.world_to_object, shading);
         dpdu = mat3(instance.object_to_world) * dpdu;
     }
+    vec3 edge_1 = v1 - v0;
+    vec3 edge_2 = v2 - v0;
+    if (INSTANCED) {
+        edge_1 = mat3(instance.object_to_world) * edge_1;
+        edge_2 = mat3(instance.object_to_world) * edge_2;
+    }
+    surface.uv_density = has_uvs(mesh) ? uv_area / length(cross(edge_1, edge_2)) : 1e12;
     surface.front = normalize_or(geometric, vec3(0.0, 1.0, 0.0));
     surface.frame = frame_make(-direction, geometric, shading, dpdu, opaque);
     vec3 travelled = surface.position - origin;

@@ -4,10 +4,10 @@ use std::path::Path;
 
 use anyhow::{Context, Result, bail};
 use glam::DVec3;
-use neubrdf::material::{Bsdf, Evaluate, LayeredWalk, Prepared, color};
-use neubrdf::scene::brdf::{Brdf, Sparse};
-use neubrdf::scene::{Scene, Surface};
-use neubrdf::train::{GroundTruth, Pair};
+use neubrdf::material::{Bsdf, Evaluate, LayeredWalk, Prepared, TexelSamples, VaryingSurface, color};
+use neubrdf::scene::brdf::{Brdf, Sparse, SurfaceGrid, SurfaceSamples};
+use neubrdf::scene::{Btf, Scene, Surface, SurfaceMaps};
+use neubrdf::train::{GroundTruth, Pair, btf_pairs, sample_pairs};
 
 /// A BRDF, whatever defines it.
 pub struct BrdfInput {
@@ -17,23 +17,73 @@ pub struct BrdfInput {
     pub brdf: Box<dyn Evaluate>,
     /// The measurements, where it is known by them alone, each with its reciprocal.
     samples: Option<Vec<Pair>>,
+    /// Texels across and down, where it varies over a texture.
+    pub texels: Option<[u32; 2]>,
+}
+
+/// Texels to a side that maps and samples are learned with, at most, unless the user says otherwise.
+const MOST_TEXELS: u32 = 128;
+/// The same of stacks of images.
+const BTF_TEXELS: u32 = 64;
+/// Samples that a texel should have.
+const SAMPLES_A_TEXEL: usize = 100;
+
+/// How measurements over a texture are made pairs to learn from.
+#[derive(Clone, Copy, Debug)]
+pub struct Drawing {
+    /// Texels across and down; what suits the measurements if `None`.
+    pub texels: Option<[u32; 2]>,
+    /// How many pairs are drawn from a stack of images.
+    pub pairs: usize,
+    /// Picks them.
+    pub seed: u64,
 }
 
 impl BrdfInput {
     /// Loads `path`: a material or a scene (.toml), of which `name` picks a material, or any file that a scene could name as a
     /// material; `name` picks one of a collection.
-    pub fn load(path: &Path, name: Option<&str>) -> Result<BrdfInput> {
+    pub fn load(path: &Path, name: Option<&str>, drawing: Drawing) -> Result<BrdfInput> {
         let stem = path.file_stem().map(|stem| stem.to_string_lossy().into_owned()).unwrap_or_default();
         let label = name.map_or(stem.clone(), |name| format!("{stem}: {name}"));
-        let known = |brdf| Ok(BrdfInput { name: label.clone(), brdf, samples: None });
-        match path.extension().and_then(|ending| ending.to_str()) {
-            Some("toml") => known(Box::new(scene_material(path, name)?)),
+        let known = |brdf| Ok(BrdfInput { name: label.clone(), brdf, samples: None, texels: None });
+        let measured = |brdf, pairs, grid: SurfaceGrid| {
+            Ok(BrdfInput { name: label.clone(), brdf, samples: Some(pairs), texels: Some(grid.size(0)) })
+        };
+        if path.is_dir() {
+            let btf = Btf::open(path)?;
+            let grid = grid(drawing.texels.unwrap_or([BTF_TEXELS; 2]))?;
+            let (pairs, preview) = btf_pairs(&btf, grid, drawing.pairs, drawing.seed)?;
+            return measured(Box::new(preview), pairs, grid);
+        }
+        let ending = path.extension().and_then(|ending| ending.to_str());
+        if ending == Some("csv")
+            && let Some(surface) = surface_samples(path, name)?
+        {
+            let side = (surface.samples.len() as f64 / SAMPLES_A_TEXEL as f64).sqrt() as u32;
+            let grid = grid(drawing.texels.unwrap_or([side.clamp(1, MOST_TEXELS); 2]))?;
+            let pairs = sample_pairs(&surface, grid, drawing.seed);
+            return measured(Box::new(TexelSamples::new(&surface, grid)), pairs, grid);
+        }
+        match ending {
+            Some("toml") => match maps(path, name)? {
+                Some(maps) => {
+                    let surface = VaryingSurface::new(maps);
+                    let largest = surface.size().into_iter().fold(MOST_TEXELS, u32::max);
+                    let texels = surface.size().map(|side| (side * MOST_TEXELS / largest).max(1));
+                    Ok(BrdfInput { name: label, brdf: Box::new(surface), samples: None, texels: Some(texels) })
+                }
+                None => known(Box::new(scene_material(path, name)?)),
+            },
             _ => match Brdf::load(path, name)? {
                 Brdf::Sparse(sparse) => {
                     let samples = Some(pairs(&sparse));
-                    Ok(BrdfInput { name: label, brdf: Box::new(Brdf::Sparse(sparse)), samples })
+                    Ok(BrdfInput { name: label, brdf: Box::new(Brdf::Sparse(sparse)), samples, texels: None })
                 }
-                brdf => known(Box::new(brdf)),
+                brdf => {
+                    let surface = if let Brdf::NeuBrdf(model) = &brdf { model.surface.as_ref() } else { None };
+                    let texels = surface.map(|surface| surface.grid.size(0));
+                    Ok(BrdfInput { name: label, brdf: Box::new(brdf), samples: None, texels })
+                }
             },
         }
     }
@@ -44,13 +94,33 @@ impl BrdfInput {
     }
 
     /// Hands it to what wants to learn it; `eval` is its values.
-    pub fn ground_truth<'a>(&self, eval: &'a (dyn Fn(DVec3, DVec3) -> DVec3 + Sync)) -> GroundTruth<'a> {
+    pub fn ground_truth<'a>(&'a self, eval: &'a (dyn Fn(DVec3, DVec3) -> DVec3 + Sync)) -> GroundTruth<'a> {
         let is_isotropic = self.brdf.is_isotropic();
         match &self.samples {
             Some(pairs) => GroundTruth::Samples { pairs: pairs.clone(), is_isotropic },
+            None if self.brdf.is_spatial() => GroundTruth::Surface { brdf: self.brdf.as_ref() },
             None => GroundTruth::Function { eval, is_isotropic },
         }
     }
+}
+
+fn grid([width, height]: [u32; 2]) -> Result<SurfaceGrid> {
+    SurfaceGrid::new(width, height).with_context(|| format!("{width}x{height} texels: expected 1 to 1024 to a side"))
+}
+
+/// The samples of a file whose material varies.
+fn surface_samples(path: &Path, name: Option<&str>) -> Result<Option<SurfaceSamples>> {
+    if name.is_some() { Ok(None) } else { Ok(SurfaceSamples::load(path)?) }
+}
+
+/// The maps of a material's own file, if it is one and has some.
+fn maps(path: &Path, name: Option<&str>) -> Result<Option<SurfaceMaps>> {
+    if name.is_some() {
+        return Ok(None);
+    }
+    let Some((maps, warnings)) = SurfaceMaps::load(path)? else { return Ok(None) };
+    warnings.iter().for_each(|warning| eprintln!("warning: {warning}"));
+    Ok(Some(maps))
 }
 
 /// The measurements, and what reciprocity makes of them: few that they are, they say twice as much.
@@ -59,6 +129,7 @@ fn pairs(sparse: &Sparse) -> Vec<Pair> {
         wo: sample.wo.as_vec3(),
         wi: sample.wi.as_vec3(),
         value: sample.value,
+        ..Pair::default()
     };
     sparse.samples().iter().map(pair).flat_map(|pair| [pair, pair.reciprocal()]).collect()
 }

@@ -10,14 +10,14 @@ use neubrdf::converge::export_mitsuba;
 use neubrdf::export::{Exported, Language, Place, export};
 use neubrdf::image::{Error, atomic_write};
 use neubrdf::scene::Scene;
-use neubrdf::scene::brdf::NeuBrdf;
+use neubrdf::scene::brdf::{NeuBrdf, NeuBrdfPack};
 
 use super::job::check_writable;
 
 /// Write NeuBRDFs as a shader module and its data, or a scene for another renderer. What that renderer defines otherwise is an error.
 #[derive(clap::Args)]
 pub struct Arguments {
-    /// .neubrdf files for --shader, which share a module; a scene file (.toml) or a bare .obj for --mitsuba
+    /// .neubrdf files for --shader, which share a module, packs with all their materials; a scene file (.toml) or a bare .obj for --mitsuba
     #[arg(required = true)]
     inputs: Vec<PathBuf>,
     /// Write a module with the functions neubrdf_eval, neubrdf_pdf and neubrdf_sample: glsl, wgsl, hlsl or msl
@@ -76,8 +76,12 @@ fn write_shader(arguments: &Arguments, language: Language, output: &Path) -> Res
     for path in [&module, &data, &description] {
         check_writable(path)?;
     }
-    let load = |path: &PathBuf| Ok((stem(path)?, NeuBrdf::load(path)?));
-    let models = arguments.inputs.iter().map(load).collect::<Result<Vec<_>>>()?;
+    let mut models = Vec::new();
+    for path in &arguments.inputs {
+        let file = stem(path)?;
+        let named = |(name, brdf): (String, NeuBrdf)| (if name.is_empty() { file.clone() } else { name }, brdf);
+        models.extend(NeuBrdfPack::load(path)?.materials.into_iter().map(named));
+    }
     let place = Place { group: arguments.group, binding: arguments.binding };
     let exported = export(&models, language, place)?;
     let description_text = format!("{:#}\n", describe(&exported, language, place, [&module, &data])?);

@@ -1,18 +1,18 @@
 //! `neubrdf material`.
 
 use std::io::Write;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use anyhow::{Result, bail};
 use glam::DVec3;
 use neubrdf::image::atomic_write;
-use neubrdf::scene::brdf::NeuBrdf;
-use neubrdf::train::check::check;
-use neubrdf::train::plot;
+use neubrdf::scene::brdf::{NeuBrdf, NeuBrdfPack};
+use neubrdf::train::check::{Check, check};
+use neubrdf::train::{measure, plot};
 use rayon::prelude::*;
 
-use super::brdf_input::BrdfInput;
+use super::brdf_input::{BrdfInput, Drawing};
 use super::job::check_writable;
 
 /// Say what a BRDF is. Exit status 3 if --check finds it wrong.
@@ -20,7 +20,7 @@ use super::job::check_writable;
 pub struct Arguments {
     /// A .neubrdf, .binary, .bsdf, .csv, .safetensors or .npy file, or a scene (.toml)
     input: PathBuf,
-    /// The material, where INPUT holds several
+    /// The material, where INPUT holds several; without, those of a .neubrdf pack are listed
     #[arg(long)]
     name: Option<String>,
     /// Draw lobes in the plane of incidence
@@ -37,8 +37,14 @@ pub struct Arguments {
     json: bool,
 }
 
+/// Of measurements over a texture nothing is learned here.
+const DRAWING: Drawing = Drawing { texels: None, pairs: 1, seed: 0 };
+
 /// The check failed.
 const WRONG: u8 = 3;
+
+/// Points of a texture that are checked, besides its average.
+const CHECKED_PLACES: usize = 8;
 
 /// Gain of the plot's radii: what is far below its inverse is not seen.
 const PLOT_GAIN: f64 = 100.0;
@@ -51,22 +57,34 @@ pub fn run(arguments: Arguments) -> Result<ExitCode> {
             bail!("{}: a plot is an .svg", path.display());
         }
     }
-    let input = BrdfInput::load(&arguments.input, arguments.name.as_deref())?;
+    let pack = match arguments.input.extension().and_then(|ending| ending.to_str()) {
+        Some("neubrdf") => Some(NeuBrdfPack::load(&arguments.input)?),
+        _ => None,
+    };
+    let asks_for_one = arguments.name.is_some() || arguments.check || arguments.plot.is_some();
+    if let Some(pack) = pack.as_ref().filter(|pack| pack.materials.len() > 1 && !asks_for_one) {
+        print(&arguments, &describe_pack(pack, &arguments.input)?);
+        return Ok(ExitCode::SUCCESS);
+    }
+    let input = BrdfInput::load(&arguments.input, arguments.name.as_deref(), DRAWING)?;
     let eval =
         |pairs: &[[DVec3; 2]]| -> Vec<DVec3> { pairs.par_iter().map(|[wo, wi]| input.brdf.eval(*wo, *wi)).collect() };
     let is_isotropic = input.brdf.is_isotropic();
     let mut facts = serde_json::json!({"name": input.name, "is_isotropic": is_isotropic});
-    if arguments.input.extension().and_then(|ending| ending.to_str()) == Some("neubrdf") {
-        facts["neubrdf"] = describe(&NeuBrdf::load(&arguments.input)?);
+    if pack.is_some() {
+        facts["neubrdf"] = describe(&NeuBrdf::load(&arguments.input, arguments.name.as_deref())?);
         facts["bytes"] = std::fs::metadata(&arguments.input)?.len().into();
     }
-    let checked = arguments.check.then(|| check(is_isotropic, &eval));
+    let checked = arguments.check.then(|| {
+        let places = if input.brdf.is_spatial() { CHECKED_PLACES } else { 0 };
+        let at = |place: usize| {
+            let footprint = measure::place(place);
+            check(is_isotropic, &|pairs| pairs.par_iter().map(|[wo, wi]| input.brdf.eval_at(footprint, *wo, *wi)).collect())
+        };
+        (0..places).map(at).fold(check(is_isotropic, &eval), Check::merge)
+    });
     facts["check"] = serde_json::json!(checked);
-    if arguments.json {
-        println!("{facts:#}");
-    } else {
-        print_facts("", &facts);
-    }
+    print(&arguments, &facts);
     if let Some(path) = &arguments.plot {
         let io_error = |source| neubrdf::image::Error::Io { path: path.to_owned(), source };
         let svg = plot::polar(PLOT_GAIN, &[&eval]);
@@ -82,16 +100,44 @@ pub fn run(arguments: Arguments) -> Result<ExitCode> {
     Ok(if is_wrong { ExitCode::from(WRONG) } else { ExitCode::SUCCESS })
 }
 
+/// The members of a pack, and what they share.
+fn describe_pack(pack: &NeuBrdfPack, path: &Path) -> Result<serde_json::Value> {
+    let mut materials = serde_json::Map::new();
+    for (name, brdf) in &pack.materials {
+        materials.insert(name.clone(), describe(brdf));
+    }
+    let bytes = std::fs::metadata(path)?.len();
+    let count = pack.materials.len();
+    Ok(
+        serde_json::json!({"materials": materials, "count": count, "bytes": bytes, "bytes_a_material": bytes / count as u64}),
+    )
+}
+
+fn print(arguments: &Arguments, facts: &serde_json::Value) {
+    if arguments.json {
+        println!("{facts:#}");
+    } else {
+        print_facts("", facts);
+    }
+}
+
 fn describe(brdf: &NeuBrdf) -> serde_json::Value {
     let table = |table: &neubrdf::scene::brdf::SphereTable| {
         serde_json::json!({
-            "n_side": table.grid.n_side(), "features": table.features, "codes": table.code_count(),
+            "n_side": table.grid.n_side(), "features": table.codebook.features,
+            "codes": table.codebook.code_count(),
             "points": table.indices.iter().filter(|index| **index != neubrdf::scene::brdf::NO_CODE).count(),
         })
     };
     let widths: Vec<u32> = brdf.layers.iter().map(|layer| layer.inputs).chain([3]).collect();
+    let surface = brdf.surface.as_ref().map(|surface| {
+        serde_json::json!({
+            "texels": surface.grid.size(0), "levels": surface.grid.level_count(), "features": surface.codebook.features,
+            "codes": surface.codebook.code_count(), "points": surface.indices.len(),
+        })
+    });
     serde_json::json!({
-        "wi": table(&brdf.wi), "wo": table(&brdf.wo), "widths": widths, "corner_weights": brdf.corner_weights,
+        "wi": table(&brdf.wi), "wo": table(&brdf.wo), "surface": surface, "widths": widths, "corner_weights": brdf.corner_weights,
         "encoding": brdf.encoding, "provenance": brdf.provenance,
     })
 }

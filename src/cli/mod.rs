@@ -12,6 +12,8 @@ mod progress;
 mod reference;
 mod render;
 mod train;
+mod train_group;
+mod train_loop;
 
 use std::process::ExitCode;
 

@@ -3,91 +3,107 @@
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
-use std::sync::atomic::Ordering;
-use std::time::Instant;
 
 use anyhow::{Context, Result, bail};
 use clap::ValueEnum;
 use glam::DVec3;
 use neubrdf::image::atomic_write;
 use neubrdf::scene::brdf::{CornerWeights, NeuBrdf, Precision};
-use neubrdf::train::measure::{Comparison, FitErrors, compare};
-use neubrdf::train::{Evaluator, Model, Plan, Quality, Recipe, RecipeResult, Report, Session};
+use neubrdf::train::measure::{Comparison, FitErrors, Query, compare_at};
+use neubrdf::train::{Evaluator, Model, Plan, Quality, Recipe, RecipeResult, Report, Session, SurfacePlan};
 use rayon::prelude::*;
 
-use super::brdf_input::BrdfInput;
+use super::brdf_input::{BrdfInput, Drawing};
 use super::job::check_writable;
-use super::progress;
+use super::train_loop::train;
+use super::{progress, train_group};
 
 /// Learn a BRDF.
 #[derive(clap::Args)]
 pub struct Arguments {
-    /// What to learn: .binary (MERL), .bsdf (RGL), .csv (samples), .safetensors or .npy (NBRDF), .neubrdf, or a material or a scene (.toml)
-    input: PathBuf,
-    /// The material, where INPUT holds several
+    /// What to learn: .binary (MERL), .bsdf (RGL), .csv (samples), .safetensors or .npy (NBRDF), .neubrdf, a material or a scene (.toml), or a
+    /// directory of images (BTF)
+    #[arg(required = true)]
+    pub(super) inputs: Vec<PathBuf>,
+    /// The material, where INPUT holds several; with --share it may be said several times, and means all if it is not
     #[arg(long)]
-    name: Option<String>,
+    pub(super) name: Vec<String>,
+    /// Train the inputs together with one codebook a hemisphere, and write a pack of them
+    #[arg(long)]
+    pub(super) share: bool,
+    /// Share the network, too: a material has but its indices to itself
+    #[arg(long, requires = "share")]
+    pub(super) share_network: bool,
+    /// Put what is alike together: so many groups, each with codebooks and a pack of its own, FILE-1, FILE-2 …
+    #[arg(long, value_name = "N", requires = "share", conflicts_with = "group_size")]
+    pub(super) groups: Option<usize>,
+    /// The same, of so many materials at most
+    #[arg(long, value_name = "N", requires = "share")]
+    pub(super) group_size: Option<usize>,
     /// The file to write: .neubrdf, or .safetensors with --model nbrdf. The report is written beside it, as .json and .html
     #[arg(short, long, value_name = "FILE")]
-    output: PathBuf,
+    pub(super) output: PathBuf,
     /// What to train
     #[arg(long, value_enum, default_value = "neubrdf")]
-    model: Model,
+    pub(super) model: Model,
     /// How to train it
     #[arg(long, value_enum, default_value = "default")]
-    recipe: Recipe,
+    pub(super) recipe: Recipe,
     /// How long to train it
     #[arg(long, value_enum, default_value = "default")]
-    quality: Quality,
+    pub(super) quality: Quality,
     /// Picks the random numbers; the same seed gives the same file
     #[arg(long, default_value_t = 0)]
-    seed: u64,
+    pub(super) seed: u64,
     /// Steps instead of the quality's
     #[arg(long)]
-    steps: Option<u32>,
+    pub(super) steps: Option<u32>,
     /// N_side of both grids: a power of two up to 128
     #[arg(long)]
-    n_side: Option<u32>,
+    pub(super) n_side: Option<u32>,
     /// Features of a code, up to 32
     #[arg(long)]
-    features: Option<usize>,
-    /// Most codes of a hemisphere's codebook; by default each grid point has its own
+    pub(super) features: Option<usize>,
+    /// Most codes of a hemisphere's codebook; by default each grid point has its own, and with --share there are 1024
     #[arg(long)]
-    codes: Option<usize>,
+    pub(super) codes: Option<usize>,
     /// Neurons of a hidden layer, up to 128
     #[arg(long)]
-    hidden: Option<usize>,
+    pub(super) hidden: Option<usize>,
+    /// Texels, of a material that varies: WxH, or as many across as down
+    #[arg(long, value_parser = texels)]
+    pub(super) texels: Option<[u32; 2]>,
+    /// Features of a texel, up to 32
+    #[arg(long)]
+    pub(super) texel_features: Option<usize>,
+    /// Most codes of the texels' codebook; by default each texel has its own, as long as there are not more than indices can name
+    #[arg(long)]
+    pub(super) texel_codes: Option<usize>,
     /// uniform or bilinear
     #[arg(long, value_parser = corner_weights)]
-    corner_weights: Option<CornerWeights>,
+    pub(super) corner_weights: Option<CornerWeights>,
     /// Store 32 bits a number instead of 16
     #[arg(long)]
-    f32: bool,
+    pub(super) f32: bool,
     /// Save resumable state to this file about twice a minute
     #[arg(long, value_name = "FILE")]
-    checkpoint: Option<PathBuf>,
+    pub(super) checkpoint: Option<PathBuf>,
     /// Go on from the --checkpoint file
     #[arg(long, requires = "checkpoint")]
-    resume: bool,
+    pub(super) resume: bool,
     /// Train by the other recipes as well, and let the report compare them
     #[arg(long, conflicts_with = "no_report")]
-    compare_recipes: bool,
+    pub(super) compare_recipes: bool,
     /// Write no report
     #[arg(long)]
-    no_report: bool,
+    pub(super) no_report: bool,
     /// No bar and no summary
     #[arg(long)]
-    quiet: bool,
+    pub(super) quiet: bool,
 }
 
-/// Seconds between two checkpoints.
-const CHECKPOINT_INTERVAL: f64 = 30.0;
-
 /// Pixels to a side of the report's balls.
-const BALL: usize = 160;
-
-/// Steps between two looks at the clock and the interrupt.
-const STRIDE: u32 = 16;
+pub(super) const BALL: usize = 160;
 
 /// Loads, trains, measures, writes.
 pub fn run(arguments: Arguments) -> Result<ExitCode> {
@@ -101,29 +117,42 @@ pub fn run(arguments: Arguments) -> Result<ExitCode> {
     for path in [Some(&arguments.output), arguments.checkpoint.as_ref()].into_iter().flatten() {
         check_writable(path)?;
     }
-    let input = BrdfInput::load(&arguments.input, arguments.name.as_deref())?;
+    if arguments.share {
+        return train_group::run(&arguments);
+    }
+    let ([path], [] | [_]) = (arguments.inputs.as_slice(), arguments.name.as_slice()) else {
+        bail!("several materials: say --share to train them together");
+    };
+    let name = arguments.name.first().map(String::as_str);
+    let input = BrdfInput::load(path, name, drawing(&arguments))?;
     let is_isotropic = input.brdf.is_isotropic();
     if arguments.model == Model::Nbrdf && !is_isotropic {
-        bail!("{}: an NBRDF file describes isotropic materials, and this one is not", arguments.input.display());
+        bail!("{}: an NBRDF file describes isotropic materials, and this one is not", path.display());
+    }
+    if input.texels.is_none() {
+        let given = [arguments.texels.is_some(), arguments.texel_features.is_some(), arguments.texel_codes.is_some()];
+        if given.contains(&true) {
+            bail!("{}: the material is the same everywhere, and has no texels", path.display());
+        }
     }
     if arguments.model == Model::Nbrdf && arguments.compare_recipes {
         bail!("--compare-recipes: NBRDFs are trained by one recipe");
     }
-    let plan = plan(&arguments, &input);
+    let plan = plan(&arguments, &input, is_isotropic);
     let eval = |wo: DVec3, wi: DVec3| input.brdf.eval(wo, wi);
     let mut session = Session::new(plan, &input.ground_truth(&eval))?;
     if let Some(path) = arguments.checkpoint.as_deref().filter(|_| arguments.resume) {
         session.restore(path)?;
     }
 
-    let started = Instant::now();
-    train(&arguments, &mut session, arguments.checkpoint.as_deref())?;
-    let seconds = started.elapsed().as_secs_f64();
+    let interrupted = progress::interrupt_flag()?;
+    let seconds = train(&mut session, arguments.checkpoint.as_deref(), &interrupted, arguments.quiet)?;
 
     let precision = if arguments.f32 { Precision::F32 } else { Precision::F16 };
     let measure = |evaluator: &Evaluator, size: usize| -> Comparison {
-        let fit = |pairs: &[[DVec3; 2]]| evaluator.eval(pairs);
-        compare(size, is_isotropic, &fit, &|pairs| truth(&input, pairs))
+        let at = |query: &Query| input.brdf.eval_at(query.footprint, query.wo, query.wi);
+        let truth = |queries: &[Query]| queries.par_iter().map(at).collect();
+        compare_at(size, is_isotropic, &|queries| evaluator.eval_at(queries), &truth)
     };
     let (bytes, evaluator, comparison) = match session.neubrdf() {
         Some(mut brdf) => {
@@ -137,7 +166,7 @@ pub fn run(arguments: Arguments) -> Result<ExitCode> {
             let network = session.nbrdf().context("the model is of no kind that can be written")?;
             let evaluator = session.evaluator();
             let comparison = measure(&evaluator, BALL);
-            (network.to_safetensors(arguments.name.as_deref().unwrap_or("material")), evaluator, comparison)
+            (network.to_safetensors(name.unwrap_or("material")), evaluator, comparison)
         }
     };
     write(&arguments.output, &bytes)?;
@@ -146,10 +175,9 @@ pub fn run(arguments: Arguments) -> Result<ExitCode> {
         let errors = comparison.errors.clone();
         recipes.push(RecipeResult { recipe: arguments.recipe, bytes: bytes.len(), seconds, errors });
         for recipe in Recipe::value_variants().iter().filter(|recipe| **recipe != arguments.recipe) {
-            let mut session = Session::new(recipe_plan(&arguments, &input, *recipe), &input.ground_truth(&eval))?;
-            let started = Instant::now();
-            train(&arguments, &mut session, None)?;
-            let seconds = started.elapsed().as_secs_f64();
+            let plan = recipe_plan(&arguments, &input, *recipe, is_isotropic);
+            let mut session = Session::new(plan, &input.ground_truth(&eval))?;
+            let seconds = train(&mut session, None, &interrupted, arguments.quiet)?;
             let file = session.neubrdf().context("a recipe trains NeuBRDFs")?.encode(precision)?;
             let errors = measure(&Evaluator::neubrdf(&NeuBrdf::decode(&file)?), BALL).errors;
             recipes.push(RecipeResult { recipe: *recipe, bytes: file.len(), seconds, errors });
@@ -195,11 +223,29 @@ fn corner_weights(word: &str) -> Result<CornerWeights, String> {
     }
 }
 
-/// What a recipe does, in as many steps as are asked for.
-fn recipe_plan(arguments: &Arguments, input: &BrdfInput, recipe: Recipe) -> Plan {
+fn texels(text: &str) -> Result<[u32; 2], String> {
+    let (width, height) = text.split_once('x').unwrap_or((text, text));
+    match (width.parse(), height.parse()) {
+        (Ok(width), Ok(height)) => Ok([width, height]),
+        _ => Err(format!("'{text}' is no size: expected texels across and down, such as 64x32")),
+    }
+}
+
+/// How measurements over a texture are made pairs.
+pub(super) fn drawing(arguments: &Arguments) -> Drawing {
+    let Arguments { texels, model, recipe, quality, seed, .. } = *arguments;
+    Drawing { texels, pairs: Plan::new(model, recipe, quality, false).pairs, seed }
+}
+
+/// What a recipe does, in as many steps as are asked for, for measurements if there are but so many.
+fn recipe_plan(arguments: &Arguments, input: &BrdfInput, recipe: Recipe, is_isotropic: bool) -> Plan {
     let Arguments { model, quality, seed, steps, .. } = *arguments;
-    let plan = Plan::new(model, recipe, quality, input.brdf.is_isotropic());
+    let plan = Plan::new(model, recipe, quality, is_isotropic);
     let plan = Plan { seed, steps: steps.unwrap_or(plan.steps), ..plan };
+    let plan = match arguments.texels.filter(|_| input.texels.is_some()).or(input.texels) {
+        Some(texels) => plan.over(texels),
+        None => plan,
+    };
     match input.sample_count() {
         Some(count) => plan.for_samples(count),
         None => plan,
@@ -207,14 +253,20 @@ fn recipe_plan(arguments: &Arguments, input: &BrdfInput, recipe: Recipe) -> Plan
 }
 
 /// What is done: the same, of the sizes that are asked for.
-fn plan(arguments: &Arguments, input: &BrdfInput) -> Plan {
-    let plan = recipe_plan(arguments, input, arguments.recipe);
-    let Plan { n_side, features, codes, hidden, pruned, corner_weights, .. } = plan;
+pub(super) fn plan(arguments: &Arguments, input: &BrdfInput, is_isotropic: bool) -> Plan {
+    let plan = recipe_plan(arguments, input, arguments.recipe, is_isotropic);
+    let Plan { n_side, features, codes, surface, hidden, pruned, corner_weights, .. } = plan;
+    let surface = surface.map(|surface| SurfacePlan {
+        features: arguments.texel_features.unwrap_or(surface.features),
+        codes: arguments.texel_codes.unwrap_or(surface.codes),
+        ..surface
+    });
     let hidden = arguments.hidden.unwrap_or(hidden);
     Plan {
         n_side: arguments.n_side.map_or(n_side, |n_side| [n_side; 2]),
         features: arguments.features.unwrap_or(features),
         codes: arguments.codes.map_or(codes, |codes| [codes; 2]),
+        surface,
         hidden,
         pruned: pruned.min(hidden),
         corner_weights: arguments.corner_weights.unwrap_or(corner_weights),
@@ -222,45 +274,11 @@ fn plan(arguments: &Arguments, input: &BrdfInput) -> Plan {
     }
 }
 
-fn truth(input: &BrdfInput, pairs: &[[DVec3; 2]]) -> Vec<DVec3> {
+pub(super) fn truth(input: &BrdfInput, pairs: &[[DVec3; 2]]) -> Vec<DVec3> {
     pairs.par_iter().map(|[wo, wi]| input.brdf.eval(*wo, *wi)).collect()
 }
 
-/// Trains under a bar, with checkpoints, until the end or Ctrl-C.
-fn train(arguments: &Arguments, session: &mut Session, checkpoint: Option<&Path>) -> Result<()> {
-    let interrupted = progress::interrupt_flag()?;
-    let bar = progress::bar(session.plan.steps.into(), arguments.quiet);
-    let mut last_checkpoint = Instant::now();
-    let mut is_winding_down = false;
-    while !session.is_done() {
-        for _ in 0..STRIDE {
-            if !session.is_done() {
-                session.step();
-            }
-        }
-        bar.set_position(session.steps().into());
-        bar.set_message(format!("loss {:.5}", session.loss()));
-        if is_winding_down {
-            continue;
-        }
-        let is_interrupted = interrupted.load(Ordering::SeqCst);
-        if let Some(path) = checkpoint
-            && (is_interrupted || last_checkpoint.elapsed().as_secs_f64() >= CHECKPOINT_INTERVAL)
-        {
-            session.save(path)?;
-            last_checkpoint = Instant::now();
-        }
-        if is_interrupted {
-            // The checkpoint goes on as if nothing had happened; the file gets the best that can be had soon.
-            session.wind_down();
-            is_winding_down = true;
-        }
-    }
-    bar.finish();
-    Ok(())
-}
-
-fn provenance(input: &BrdfInput, session: &Session, errors: &FitErrors) -> neubrdf::scene::brdf::Provenance {
+pub(super) fn provenance(input: &BrdfInput, session: &Session, errors: &FitErrors) -> neubrdf::scene::brdf::Provenance {
     let plan = &session.plan;
     let training = [
         ("recipe", format!("{:?}", plan.recipe).to_lowercase()),
@@ -283,7 +301,7 @@ fn provenance(input: &BrdfInput, session: &Session, errors: &FitErrors) -> neubr
     }
 }
 
-fn write(path: &Path, bytes: &[u8]) -> Result<()> {
+pub(super) fn write(path: &Path, bytes: &[u8]) -> Result<()> {
     let io_error = |source| neubrdf::image::Error::Io { path: path.to_owned(), source };
     Ok(atomic_write(path, |file| file.write_all(bytes).map_err(io_error))?)
 }

@@ -17,6 +17,7 @@ const SOURCES: &[(&str, &str)] = &[
     ("lib/hemisphere.glsl", include_str!("../../glsl/lib/hemisphere.glsl")),
     ("lib/lobes.glsl", include_str!("../../glsl/lib/lobes.glsl")),
     ("lib/neubrdf.glsl", include_str!("../../glsl/lib/neubrdf.glsl")),
+    ("lib/neubrdf_surface.glsl", include_str!("../../glsl/lib/neubrdf_surface.glsl")),
     ("lib/neubrdf_by_buffer.glsl", include_str!("../../glsl/lib/neubrdf_by_buffer.glsl")),
 ];
 

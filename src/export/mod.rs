@@ -221,7 +221,8 @@ fn header(language: Language, place: Place, models: &[ExportedModel]) -> String 
     let mut text = format!(
         "// NeuBRDFs as {language}, by neubrdf {}: the material alone.\n//\n\
          // Functions; directions are unit vectors that point away from the surface, x along the tangent, z along the normal:\n\
-         //     neubrdf_eval(model, wo, wi)      f in 1/sr, RGB, without the cosine; 0 if either is below the surface\n\
+         //     neubrdf_eval(model, wo, wi)      f in 1/sr, RGB, without the cosine; 0 if either is below the surface;\n\
+         //                                      of a material that varies over a texture, its average\n\
          //     neubrdf_pdf(model, wo, wi)       the density of neubrdf_sample, per unit solid angle\n\
          //     neubrdf_sample(model, wo, u)     wi and its pdf, 0 if there is none; u: three numbers in [0, 1)\n",
         env!("CARGO_PKG_VERSION"),

@@ -4,18 +4,34 @@
 use std::f64::consts::FRAC_1_PI;
 use std::fmt::Debug;
 
-use glam::{DVec3, Vec2};
+use glam::{DVec2, DVec3, Vec2};
 
 use super::conductor::reflection_pdf;
 use super::diffuse::sample_cosine_hemisphere;
 use super::{BsdfSample, Ggx, MIN_COSINE, both_above, reflect};
 use crate::scene::SamplingLobe;
+use crate::scene::brdf::Footprint;
 
 /// The values of a BRDF.
 pub trait Evaluate: Debug + Send + Sync {
     /// f(wo, wi) in sr⁻¹, without the cosine, finite and not negative; a pure function. Both directions are above the
     /// surface: z ≥ [`MIN_COSINE`].
     fn eval(&self, wo: DVec3, wi: DVec3) -> DVec3;
+
+    /// The same as seen at a place of a surface that varies. Others are the same everywhere.
+    fn eval_at(&self, _footprint: Footprint, wo: DVec3, wi: DVec3) -> DVec3 {
+        self.eval(wo, wi)
+    }
+
+    /// Whether [`Evaluate::eval_at`] hangs on the place; [`Evaluate::eval`] then is the average.
+    fn is_spatial(&self) -> bool {
+        false
+    }
+
+    /// About which normal, local and unit, the lobes lie at texture coordinates.
+    fn normal(&self, _uv: DVec2) -> DVec3 {
+        DVec3::Z
+    }
 
     /// Whether the values stay as they are when both directions turn about the normal.
     fn is_isotropic(&self) -> bool;
@@ -28,12 +44,14 @@ pub struct LobeSampled<'a> {
     pub brdf: &'a dyn Evaluate,
     /// Roughly their shape.
     pub lobe: &'a SamplingLobe,
+    /// Where it is looked at.
+    pub footprint: Footprint,
 }
 
 impl LobeSampled<'_> {
     /// See [`super::Bsdf::eval`].
     pub fn eval(&self, wo: DVec3, wi: DVec3) -> DVec3 {
-        if both_above(wo, wi) { self.brdf.eval(wo, wi) } else { DVec3::ZERO }
+        if both_above(wo, wi) { self.brdf.eval_at(self.footprint, wo, wi) } else { DVec3::ZERO }
     }
 
     /// See [`super::Bsdf::pdf`].

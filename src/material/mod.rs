@@ -12,22 +12,26 @@ mod coated;
 mod conductor;
 mod dielectric;
 mod diffuse;
+mod footprint;
 mod frame;
 mod fresnel;
 mod ggx;
 mod layered;
 mod lobe_fit;
 mod lobe_sampled;
+mod measured_surface;
 mod merl;
 mod nbrdf;
 mod neubrdf;
 mod prepared;
 mod rgl;
 mod sparse;
+mod surface_maps;
 mod woven;
 
 use glam::DVec3;
 
+use crate::scene::brdf::Footprint;
 use crate::scene::{Color, Fresnel, Surface};
 
 pub use coat_albedo::CoatAlbedo;
@@ -35,15 +39,18 @@ pub use coated::Coated;
 pub use conductor::{Conductor, Reflectance};
 pub use dielectric::Dielectric;
 pub use diffuse::Diffuse;
+pub use footprint::{Cone, uv_density};
 pub use frame::{Frame, orthonormal_basis, triangle_dpdu};
 pub use fresnel::{fresnel_complex, fresnel_dielectric, fresnel_dielectric_average, fresnel_schlick};
 pub use ggx::Ggx;
 pub use layered::LayeredWalk;
 pub use lobe_fit::fit_lobe;
 pub use lobe_sampled::{Evaluate, LobeSampled};
+pub use measured_surface::TexelSamples;
 pub use nbrdf::LARGEST_OUTPUT as NBRDF_LARGEST_OUTPUT;
 pub use neubrdf::turned;
 pub use prepared::{Prepared, is_alike};
+pub use surface_maps::VaryingSurface;
 
 /// GGX surfaces with α below this are perfectly smooth: their lobe is a Dirac delta.
 pub const SMOOTH_ALPHA: f32 = 1e-4;
@@ -83,8 +90,13 @@ pub enum Bsdf<'a> {
 }
 
 impl<'a> Bsdf<'a> {
-    /// The scattering of a surface where its [`color`], times its texture, is `color`.
+    /// The scattering of a surface where its [`color`], times its texture, is `color`; on average, if it varies otherwise.
     pub fn new(surface: &'a Prepared, color: DVec3) -> Bsdf<'a> {
+        Bsdf::at(surface, color, Footprint::WHOLE)
+    }
+
+    /// The same as seen at a place.
+    pub fn at(surface: &'a Prepared, color: DVec3, footprint: Footprint) -> Bsdf<'a> {
         match *surface {
             Prepared::Diffuse => Bsdf::Diffuse(Diffuse { albedo: color }),
             Prepared::Conductor { fresnel, roughness } => Bsdf::Conductor(Conductor {
@@ -99,7 +111,7 @@ impl<'a> Bsdf<'a> {
             Prepared::Dielectric(dielectric) => Bsdf::Dielectric(dielectric),
             Prepared::Coated { ior, roughness, ref coat } => Bsdf::Coated(Coated { base: color, ior, roughness, coat }),
             Prepared::LobeSampled { ref brdf, ref lobe } => {
-                Bsdf::LobeSampled(LobeSampled { brdf: brdf.as_ref(), lobe })
+                Bsdf::LobeSampled(LobeSampled { brdf: brdf.as_ref(), lobe, footprint })
             }
         }
     }

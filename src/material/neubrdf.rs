@@ -2,13 +2,19 @@
 
 use glam::DVec3;
 
-use crate::scene::brdf::{CornerWeights, NeuBrdf, POLE, SphereTable};
+use crate::scene::brdf::{Codebook, CornerWeights, Footprint, NeuBrdf, POLE, SphereTable, SurfaceTable};
 
 impl NeuBrdf {
-    /// f(wo, wi), see [`super::Evaluate::eval`].
+    /// f(wo, wi), see [`super::Evaluate::eval`]; of a material that varies, its average.
     pub fn eval(&self, wo: DVec3, wi: DVec3) -> DVec3 {
+        self.eval_at(Footprint::WHOLE, wo, wi)
+    }
+
+    /// f(wo, wi) as seen at a place.
+    pub fn eval_at(&self, footprint: Footprint, wo: DVec3, wi: DVec3) -> DVec3 {
         let [wo, wi] = if self.is_isotropic { turned(wo, wi) } else { [wo, wi] };
         let mut x = [features(&self.wi, wi, self.corner_weights), features(&self.wo, wo, self.corner_weights)].concat();
+        x.extend(self.surface.iter().flat_map(|surface| surface_features(surface, footprint)));
         for (index, layer) in self.layers.iter().enumerate() {
             let rows = layer.weights.chunks_exact(layer.inputs as usize).zip(&layer.bias);
             let y: Vec<f64> = rows.map(|(row, bias)| dot(row, &x) + f64::from(*bias)).collect();
@@ -33,11 +39,23 @@ fn dot(weights: &[f32], x: &[f64]) -> f64 {
 /// The weighted sum of the codes at the corners of the pixel of `w`.
 fn features(table: &SphereTable, w: DVec3, corner_weights: CornerWeights) -> Vec<f64> {
     let gathered = table.gather(w, corner_weights);
-    let count = table.features as usize;
+    let corners = gathered.points.into_iter().zip(gathered.weights);
+    weighted_sum(&table.codebook, &table.indices, corners)
+}
+
+/// The same of the texels about a place.
+fn surface_features(table: &SurfaceTable, footprint: Footprint) -> Vec<f64> {
+    let gathered = table.grid.gather(footprint);
+    let texels = gathered.points.into_iter().zip(gathered.weights);
+    weighted_sum(&table.codebook, &table.indices, texels)
+}
+
+fn weighted_sum(codebook: &Codebook, indices: &[u16], points: impl Iterator<Item = (u32, f64)>) -> Vec<f64> {
+    let count = codebook.features as usize;
     let mut sum = vec![0.0; count];
-    for (point, weight) in gathered.points.into_iter().zip(gathered.weights) {
-        let code = usize::from(table.indices[point as usize]) * count;
-        for (sum, feature) in sum.iter_mut().zip(&table.codes[code..code + count]) {
+    for (point, weight) in points {
+        let code = usize::from(indices[point as usize]) * count;
+        for (sum, feature) in sum.iter_mut().zip(&codebook.codes[code..code + count]) {
             *sum += weight * f64::from(*feature);
         }
     }

@@ -5,6 +5,7 @@ use std::sync::Arc;
 use glam::{DVec3, Vec2};
 
 use super::{CoatAlbedo, Dielectric, Evaluate, Ggx, LayeredWalk, fit_lobe};
+use crate::scene::brdf::Footprint;
 use crate::scene::{Brdf, Fresnel, Material, SamplingLobe, Surface};
 
 /// Walks through a layered surface, a pair of directions, that its lobe is fitted to.
@@ -115,6 +116,17 @@ impl Evaluate for Brdf {
             Brdf::Sparse(sparse) => sparse.eval(wo, wi),
             Brdf::NeuBrdf(neubrdf) => neubrdf.eval(wo, wi),
         }
+    }
+
+    fn eval_at(&self, footprint: Footprint, wo: DVec3, wi: DVec3) -> DVec3 {
+        match self {
+            Brdf::NeuBrdf(neubrdf) => neubrdf.eval_at(footprint, wo, wi),
+            _ => self.eval(wo, wi),
+        }
+    }
+
+    fn is_spatial(&self) -> bool {
+        Brdf::is_spatial(self)
     }
 
     fn is_isotropic(&self) -> bool {

@@ -4,6 +4,7 @@ use std::f64::consts::TAU;
 
 use glam::{DVec2, DVec3};
 
+use crate::material::Cone;
 use crate::scene::{Camera, Film, Lens};
 
 /// A camera and its film, made ready for casting rays.
@@ -42,6 +43,11 @@ impl View {
     /// Whether rays need a point of the lens.
     pub fn has_lens(&self) -> bool {
         self.lens.is_some()
+    }
+
+    /// The cone of a ray through a pixel.
+    pub fn cone(&self, direction: DVec3) -> Cone {
+        Cone { width: 0.0, spread: self.pixel * self.forward.dot(direction) }
     }
 
     /// Origin and unit direction of the ray through a film position (pixels, from the upper left corner) and the point of the

@@ -29,6 +29,7 @@ impl Reference<'_> {
         let lens = self.view.has_lens().then(|| DVec2::new(random.uniform(), random.uniform()));
         let (eye, mut direction) = self.view.ray(position, lens);
         let mut origin = eye.as_vec3();
+        let mut cone = self.view.cone(direction);
 
         let mut sample = Sample::default();
         let mut throughput = DVec3::ONE;
@@ -60,7 +61,9 @@ impl Reference<'_> {
                 break;
             }
 
-            let bsdf = Bsdf::new(&self.surfaces[point.material_index as usize], point.color);
+            cone = cone.at(distance_squared.sqrt());
+            let footprint = cone.footprint(point.uv, point.uv_density, wo_world.dot(frame.geometric));
+            let bsdf = Bsdf::at(&self.surfaces[point.material_index as usize], point.color, footprint);
             let wo = frame.to_local(wo_world);
             if !bsdf.is_delta()
                 && let Some(light) = self.lights.sample(&self.scene, point.position, random)
@@ -76,6 +79,7 @@ impl Reference<'_> {
             }
             throughput *= scattered.weight;
             picked_with = (!scattered.is_delta).then_some(scattered.pdf);
+            cone = cone.scattered(picked_with);
             origin = point.leave(direction);
 
             if segment > ROULETTE_AFTER {

@@ -3,7 +3,7 @@
 use glam::{DAffine3, DMat3, DVec2, DVec3, Vec3};
 
 use super::embree::Hit;
-use crate::material::{Frame, color, triangle_dpdu};
+use crate::material::{Frame, color, triangle_dpdu, uv_density};
 use crate::scene::{Instance, Scene, Surface};
 
 /// An instance's transform, and what follows from it.
@@ -97,6 +97,10 @@ pub struct SurfacePoint<'a> {
     pub material: &'a crate::scene::Material,
     /// The surface's colour here, texture included.
     pub color: DVec3,
+    /// Texture coordinates.
+    pub uv: DVec2,
+    /// Area in them of a unit of area.
+    pub uv_density: f64,
 }
 
 impl<'a> SurfacePoint<'a> {
@@ -131,12 +135,15 @@ impl<'a> SurfacePoint<'a> {
         let uvs = (!mesh.uvs.is_empty()).then(|| indices.map(|index| mesh.uvs[index].as_dvec2()));
         let dpdu = uvs.map_or(DVec3::ZERO, |uvs| placement.vector(triangle_dpdu(corners, uvs)));
 
+        let uv = uvs.map_or(DVec2::ZERO, |uvs| weights[0] * uvs[0] + u * uvs[1] + v * uvs[2]);
+        let edges = [v1 - v0, v2 - v0].map(|edge| placement.vector(edge));
+        let uv_density = uv_density(edges, uvs.map(|[a, b, c]| [b - a, c - a]));
+
         let material_index = mesh.material(triangle);
         let material = &scene.materials[material_index as usize];
         let reflectance = color(&material.surface);
         let mut surface_color = reflectance.value.as_dvec3();
         if let Some(texture) = reflectance.texture {
-            let uv = uvs.map_or(DVec2::ZERO, |uvs| weights[0] * uvs[0] + u * uvs[1] + v * uvs[2]);
             surface_color *= scene.textures[texture as usize].sample(uv.as_vec2()).as_dvec3();
         }
 
@@ -150,6 +157,8 @@ impl<'a> SurfacePoint<'a> {
             material_index,
             material,
             color: surface_color,
+            uv,
+            uv_density,
         })
     }
 

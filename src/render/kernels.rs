@@ -9,7 +9,7 @@ use super::material_record::{Family, family};
 use super::neubrdf_table::neubrdf_queues;
 use super::settings::{Settings, Traversal};
 use crate::gpu::{self, Device, Kernel};
-use crate::scene::{LightTable, Scene};
+use crate::scene::{Brdf, LightTable, Scene, Surface};
 
 /// A kernel of the wavefront by the name of its source, with its specialization constants (id, value).
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -37,6 +37,8 @@ pub struct Features {
     pub textures: bool,
     /// The camera has a lens.
     pub lens: bool,
+    /// Some material on a mesh varies over a texture otherwise than by a colour.
+    pub footprints: bool,
     /// More than one instance, or one that is moved.
     pub instanced: bool,
 }
@@ -58,6 +60,7 @@ impl Features {
             environment: lights.environment_texels > 0,
             sun: scene.sun.is_some_and(|sun| sun.irradiance != Vec3::ZERO),
             textures: used().any(|material| material.surface.texture().is_some()),
+            footprints: used().any(|material| is_spatial(&material.surface, &scene.brdfs)),
             lens: scene.camera.lens.is_some(),
             instanced: is_instanced(scene),
         }
@@ -74,6 +77,7 @@ impl Features {
         environment: false,
         sun: false,
         textures: false,
+        footprints: false,
         lens: false,
         instanced: false,
     };
@@ -87,6 +91,7 @@ impl Features {
             environment: self.environment || other.environment,
             sun: self.sun || other.sun,
             textures: self.textures || other.textures,
+            footprints: self.footprints || other.footprints,
             lens: self.lens || other.lens,
             instanced: self.instanced || other.instanced,
         }
@@ -104,6 +109,7 @@ impl Features {
             (self.environment || !other.environment, "a sky"),
             (self.sun || !other.sun, "a sun"),
             (self.textures || !other.textures, "textures"),
+            (self.footprints || !other.footprints, "NeuBRDFs that vary over a texture"),
             (self.lens || !other.lens, "a lens"),
             (self.instanced || !other.instanced, "instances that move"),
         ];
@@ -148,6 +154,7 @@ impl Features {
             (14, settings.bsdf_sampling as u32),
             (26, self.neubrdf_queues),
             (27, settings.roulette_after),
+            flag(29, self.footprints),
         ];
         let [closest, shadow] = trace_kernels(traversal);
         let samples_lights = self.has_lights() && settings.max_depth > 1 && settings.light_sampling;
@@ -162,6 +169,10 @@ impl Features {
         .chain([samples_lights.then_some(shadow), Some("resolve"), Some("estimate_error")]);
         names.flatten().map(|name| KernelPlan { name, specialization: common.to_vec() }).collect()
     }
+}
+
+fn is_spatial(surface: &Surface, brdfs: &[Arc<Brdf>]) -> bool {
+    matches!(surface, Surface::Measured { brdf } if brdfs[*brdf as usize].is_spatial())
 }
 
 /// Whether a traversal has to look at instances: there are more than one, or one that is not where its mesh is.

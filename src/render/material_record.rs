@@ -1,15 +1,16 @@
 //! Materials as the device reads them: `glsl/layout/material.glsl`.
 
+use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use glam::Vec2;
 
 use super::brdf_table;
 use super::error::Error;
-use super::neubrdf_table::{NeuBrdfShape, neubrdf_precision, neubrdf_queue, neubrdfs};
+use super::neubrdf_table::{NeuBrdfShape, neubrdf_precision, neubrdf_queue, neubrdfs, pack_neubrdf_models};
 use crate::gpu::{Buffer, Upload};
 use crate::material::{CoatAlbedo, INDEX_MATCH, Prepared, SMOOTH_ALPHA, color, is_alike};
-use crate::scene::brdf::Precision;
+use crate::scene::brdf::{NeuBrdf, Precision};
 use crate::scene::{Brdf, Fresnel, Material, Surface};
 
 /// Which shading kernel a material needs. The number stands in the lowest bits of [`MaterialRecord::flags`].
@@ -175,14 +176,14 @@ impl MaterialRecord {
 #[derive(Clone, Debug, PartialEq)]
 pub struct MaterialTable {
     /// What materials have in memory of their own: the table of a rough coat, or a sampling lobe and what its BRDF is evaluated
-    /// from. Each once, however many materials share it.
+    /// from. Each once, however many materials share it. All NeuBRDFs are one table, so that they can share codebooks.
     pub tables: Vec<Vec<u32>>,
     /// What kernels that evaluate its NeuBRDFs are to be built for.
     pub neubrdf_shape: NeuBrdfShape,
     /// The records, in the order of the scene's materials, without the addresses of their tables.
     records: Vec<MaterialRecord>,
-    /// Which of the tables belongs to each record.
-    table_of: Vec<Option<usize>>,
+    /// Which of the tables belongs to each record, and the byte of it at which what the record needs begins, a multiple of 16.
+    table_of: Vec<Option<(usize, u64)>>,
 }
 
 /// The materials of a scene on the device, of which one may be replaced.
@@ -191,7 +192,8 @@ pub struct DeviceMaterials {
     /// The records.
     pub buffer: Arc<Buffer>,
     records: Vec<MaterialRecord>,
-    tables: Vec<Option<Arc<Buffer>>>,
+    /// As [`MaterialTable::table_of`].
+    tables: Vec<Option<(Arc<Buffer>, u64)>>,
     prepared: Vec<Arc<Prepared>>,
 }
 
@@ -214,7 +216,7 @@ impl DeviceMaterials {
         let uploaded = DeviceMaterials {
             buffer: upload.buffer("materials", &records)?,
             records,
-            tables: packed.table_of.iter().map(|index| index.map(|index| tables[index].clone())).collect(),
+            tables: packed.table_of.iter().map(|at| at.map(|(index, byte)| (tables[index].clone(), byte))).collect(),
             prepared,
         };
         Ok((uploaded, packed.neubrdf_shape))
@@ -245,10 +247,10 @@ impl DeviceMaterials {
                     let prepared = Arc::new(Prepared::new(surface, brdfs));
                     let table = table(surface, &prepared, brdfs, shape);
                     let table = table.map(|words| upload.buffer("material table", &words)).transpose()?;
-                    (prepared, table)
+                    (prepared, table.map(|table| (table, 0)))
                 }
             };
-            let address = self.tables[index].as_ref().map_or(0, |table| table.address());
+            let address = self.tables[index].as_ref().map_or(0, |(table, byte)| table.address() + byte);
             let record = MaterialRecord::new(&now[index], &self.prepared[index], brdfs);
             self.records[index] = MaterialRecord { table: address, ..record };
         }
@@ -271,13 +273,18 @@ impl MaterialTable {
     ) -> MaterialTable {
         let neubrdf_shape = NeuBrdfShape::of(neubrdfs(brdfs.iter().map(Arc::as_ref)), precision);
         let mut packed = MaterialTable { tables: Vec::new(), neubrdf_shape, records: Vec::new(), table_of: Vec::new() };
-        let mut known: Vec<(Arc<Prepared>, Option<usize>)> = Vec::new();
+        let neubrdf_places = packed.push_neubrdfs(materials, brdfs);
+        let mut known: Vec<(Arc<Prepared>, Option<(usize, u64)>)> = Vec::new();
         for (material, prepared) in materials.iter().zip(prepared) {
             packed.records.push(MaterialRecord::new(material, prepared, brdfs));
             let position = known.iter().position(|(other, _)| Arc::ptr_eq(other, prepared)).unwrap_or_else(|| {
-                let table = table(&material.surface, prepared, brdfs, &neubrdf_shape);
-                let table = table.map(|table| packed.push_table(table));
-                known.push((prepared.clone(), table));
+                let place = match material.surface {
+                    Surface::Measured { brdf } if neubrdf_places.contains_key(&brdf) => Some(neubrdf_places[&brdf]),
+                    ref surface => {
+                        table(surface, prepared, brdfs, &neubrdf_shape).map(|table| packed.push_table(table))
+                    }
+                };
+                known.push((prepared.clone(), place));
                 known.len() - 1
             });
             packed.table_of.push(known[position].1);
@@ -287,14 +294,29 @@ impl MaterialTable {
 
     /// The records, for [`MaterialTable::tables`] at these device addresses, multiples of 16.
     pub fn records(&self, addresses: &[u64]) -> Vec<MaterialRecord> {
-        let address = |index: &Option<usize>| index.map_or(0, |index| addresses[index]);
-        let with_address = |(record, index): (&MaterialRecord, _)| MaterialRecord { table: address(index), ..*record };
+        let address = |at: &Option<(usize, u64)>| at.map_or(0, |(index, byte)| addresses[index] + byte);
+        let with_address = |(record, at): (&MaterialRecord, _)| MaterialRecord { table: address(at), ..*record };
         self.records.iter().zip(&self.table_of).map(with_address).collect()
     }
 
-    fn push_table(&mut self, table: Vec<u32>) -> usize {
+    /// Adds the NeuBRDFs of these materials, and tells where each one is.
+    fn push_neubrdfs(&mut self, materials: &[Material], brdfs: &[Arc<Brdf>]) -> BTreeMap<u32, (usize, u64)> {
+        let model = |brdf: u32| if let Brdf::NeuBrdf(model) = &*brdfs[brdf as usize] { Some(&**model) } else { None };
+        let measured =
+            |material: &Material| if let Surface::Measured { brdf } = material.surface { Some(brdf) } else { None };
+        let models: BTreeMap<u32, &NeuBrdf> =
+            materials.iter().filter_map(measured).filter_map(|brdf| Some((brdf, model(brdf)?))).collect();
+        if models.is_empty() {
+            return BTreeMap::new();
+        }
+        let (words, firsts) = pack_neubrdf_models(models.values().copied(), &self.neubrdf_shape);
+        let (table, _) = self.push_table(words);
+        models.into_keys().zip(firsts).map(|(brdf, first)| (brdf, (table, 4 * u64::from(first)))).collect()
+    }
+
+    fn push_table(&mut self, table: Vec<u32>) -> (usize, u64) {
         self.tables.push(table);
-        self.tables.len() - 1
+        (self.tables.len() - 1, 0)
     }
 }
 

@@ -1,5 +1,7 @@
 //! NeuBRDFs as the device reads them: `glsl/layout/neubrdf.glsl`, `glsl/lib/neubrdf.glsl`.
 
+use std::collections::HashMap;
+use std::mem::offset_of;
 use std::sync::Arc;
 
 use bytemuck::cast_slice;
@@ -9,7 +11,7 @@ use super::brdf_table;
 use super::kernels::Features;
 use crate::gpu::Device;
 use crate::scene::Brdf;
-use crate::scene::brdf::{CornerWeights, Dense, NO_CODE, NeuBrdf, Precision, SphereTable};
+use crate::scene::brdf::{Codebook, CornerWeights, Dense, NO_CODE, NeuBrdf, Precision, SphereTable, SurfaceTable};
 
 crate::shared_structs! {
     /// The structs of `glsl/layout/neubrdf.glsl` and `glsl/kernels/eval_neubrdf.comp`.
@@ -35,16 +37,19 @@ crate::shared_structs! {
         pub scale: f32,
         pub most_exponent: f32,
         pub inverse_gain: f32,
-        pub padding_0: u32,
-        pub padding_1: u32,
+        pub surface: u32,
+        pub padding: u32,
     }
 
-    /// A view, and two directions of light, above the surface: what `eval_neubrdf` reads.
+    /// A view, two directions of light, above the surface, and where they are: what `eval_neubrdf` reads.
+    #[derive(Default)]
     #[allow(missing_docs)]
     pub struct NeuBrdfQuery {
         pub wo: [f32; 3],
         pub wi_1: [f32; 3],
         pub wi_2: [f32; 3],
+        pub uv: [f32; 2],
+        pub area: f32,
     }
 
     /// Their values: what it writes.
@@ -73,6 +78,8 @@ const MOST_LANES: u32 = 8;
 pub struct NeuBrdfShape {
     /// Groups of four features of a direction.
     feature_groups: u32,
+    /// Groups of four features of a place; 0 where no model varies.
+    surface_groups: u32,
     /// Groups of four neurons of each layer but the last.
     hidden_groups: u32,
     layers: u32,
@@ -87,12 +94,20 @@ pub struct NeuBrdfShape {
 impl NeuBrdfShape {
     /// The shape that holds all these models; that of the smallest one if there is none.
     pub fn of<'a>(models: impl IntoIterator<Item = &'a NeuBrdf>, precision: Precision) -> NeuBrdfShape {
-        let none =
-            NeuBrdfShape { feature_groups: 1, hidden_groups: 1, layers: 2, precision, is_isotropic: false, lanes: 1 };
+        let none = NeuBrdfShape {
+            feature_groups: 1,
+            surface_groups: 0,
+            hidden_groups: 1,
+            layers: 2,
+            precision,
+            is_isotropic: false,
+            lanes: 1,
+        };
         models.into_iter().fold(none, |shape, model| {
             let hidden = model.layers.iter().rev().skip(1).map(|layer| layer.outputs.div_ceil(4));
             NeuBrdfShape {
-                feature_groups: shape.feature_groups.max(model.wi.features.div_ceil(4)),
+                feature_groups: shape.feature_groups.max(model.wi.codebook.features.div_ceil(4)),
+                surface_groups: shape.surface_groups.max(surface_features(model).div_ceil(4)),
                 hidden_groups: hidden.fold(shape.hidden_groups, u32::max),
                 layers: shape.layers.max(model.layers.len() as u32),
                 precision,
@@ -124,7 +139,7 @@ impl NeuBrdfShape {
     }
 
     /// The specialization constants of `glsl/layout/neubrdf.glsl`.
-    pub fn specialization(&self) -> [(u32, u32); 6] {
+    pub fn specialization(&self) -> [(u32, u32); 7] {
         [
             (20, self.feature_groups),
             (21, self.hidden_groups),
@@ -132,8 +147,14 @@ impl NeuBrdfShape {
             (23, u32::from(self.precision == Precision::F16)),
             (24, u32::from(self.is_isotropic)),
             (25, self.lanes),
+            (28, self.surface_groups),
         ]
     }
+}
+
+/// Features of a place; 0 where the model does not vary.
+fn surface_features(model: &NeuBrdf) -> u32 {
+    model.surface.as_ref().map_or(0, |surface| surface.codebook.features)
 }
 
 /// The NeuBRDFs among the BRDFs of a scene.
@@ -159,36 +180,103 @@ pub fn neubrdf_queue(brdfs: &[Arc<Brdf>], brdf: usize) -> u32 {
 /// Half precision where it holds all numbers of these models as they are, as it does where files are made so.
 pub fn neubrdf_precision<'a>(models: impl IntoIterator<Item = &'a NeuBrdf>) -> Precision {
     let fits = |number: &f32| f16::from_f32(*number).to_f32() == *number;
-    let table_fits = |table: &SphereTable| table.codes.iter().all(fits);
+    let table_fits = |table: &SphereTable| table.codebook.codes.iter().all(fits);
     let layer_fits = |layer: &Dense| layer.weights.iter().chain(&layer.bias).all(fits);
-    let model_fits = |m: &NeuBrdf| table_fits(&m.wi) && table_fits(&m.wo) && m.layers.iter().all(layer_fits);
+    let surface_fits = |surface: &SurfaceTable| surface.codebook.codes.iter().all(fits);
+    let model_fits = |m: &NeuBrdf| {
+        table_fits(&m.wi) && table_fits(&m.wo) && m.surface.iter().all(surface_fits) && m.layers.iter().all(layer_fits)
+    };
     if models.into_iter().all(model_fits) { Precision::F16 } else { Precision::F32 }
 }
 
 /// Models one after another, each with its lobes before it as `glsl/lib/lobes.glsl` says, and the first word of each: a multiple of
-/// four. The shape holds them.
+/// four. The shape holds them. Codebooks and networks that are equal are there once.
 pub fn pack_neubrdf_models<'a>(
     models: impl IntoIterator<Item = &'a NeuBrdf>,
     shape: &NeuBrdfShape,
 ) -> (Vec<u32>, Vec<u32>) {
-    let mut words = Vec::new();
-    let mut firsts = Vec::new();
-    for model in models {
-        firsts.push(words.len() as u32);
-        words.append(&mut brdf_table::pack(&model.lobe, &pack_neubrdf(model, shape)));
-        words.resize(words.len().next_multiple_of(4), 0);
-    }
-    (words, firsts)
+    let models: Vec<&NeuBrdf> = models.into_iter().collect();
+    pack(&models, shape, |model| brdf_table::pack(&model.lobe, &[]))
 }
 
 /// A model's words, for an address that is a multiple of 16. The shape holds it.
 pub fn pack_neubrdf(model: &NeuBrdf, shape: &NeuBrdfShape) -> Vec<u32> {
-    let mut words = vec![0; size_of::<NeuBrdfHeader>() / 4];
-    let wi = pack_sphere(&mut words, &model.wi, shape);
-    let wo = pack_sphere(&mut words, &model.wo, shape);
-    let layers = push(&mut words, &numbers(&pack_layers(model, shape), shape.precision));
-    // Subgroups may read a little beyond the end.
-    words.extend([0; MOST_LANES as usize]);
+    pack(&[model], shape, |_| Vec::new()).0
+}
+
+/// Where a header tells how far the codes of ωi, those of ωo and the layers are from it, in words.
+const DISTANCES: [usize; 3] = [
+    offset_of!(NeuBrdfHeader, wi.codes) / 4,
+    offset_of!(NeuBrdfHeader, wo.codes) / 4,
+    offset_of!(NeuBrdfHeader, layers) / 4,
+];
+
+/// Models one after another, each behind some words of its own, multiples of four, and where each begins. Arrays that are used
+/// more than once stand behind all models: distances are counted forward.
+fn pack(models: &[&NeuBrdf], shape: &NeuBrdfShape, before: impl Fn(&NeuBrdf) -> Vec<u32>) -> (Vec<u32>, Vec<u32>) {
+    let arrays: Vec<[Vec<u32>; 3]> = models
+        .iter()
+        .map(|model| {
+            let codes = |table: &SphereTable| numbers(&filled_codes(&table.codebook, shape.feature_groups), shape.precision);
+            [codes(&model.wi), codes(&model.wo), numbers(&pack_layers(model, shape), shape.precision)]
+        })
+        .collect();
+    // For each array the headers that will have to know where it is: the word of the distance, and where it is counted from.
+    let mut users: HashMap<&[u32], Vec<[usize; 2]>> = HashMap::new();
+    arrays.iter().flatten().for_each(|array| users.entry(array).or_default().push([0; 2]));
+    users.retain(|_, places| places.len() > 1);
+    users.values_mut().for_each(Vec::clear);
+    let mut shared: Vec<&[u32]> = Vec::new();
+
+    let (mut words, mut firsts) = (Vec::new(), Vec::new());
+    for (model, arrays) in models.iter().zip(&arrays) {
+        firsts.push(words.len() as u32);
+        words.append(&mut before(model));
+        let header = words.len();
+        let mut own = vec![0; size_of::<NeuBrdfHeader>() / 4];
+        let [wi_codes, wo_codes, layers] = [0, 1, 2].map(|part| {
+            let array = arrays[part].as_slice();
+            users.get_mut(array).map_or(Some(array), |places| {
+                if places.is_empty() {
+                    shared.push(array);
+                }
+                places.push([header + DISTANCES[part], header]);
+                None
+            })
+        });
+        push_model(&mut own, model, shape, [wi_codes, wo_codes, layers]);
+        words.append(&mut own);
+        words.resize(words.len().next_multiple_of(4), 0);
+    }
+    for array in shared {
+        words.resize(words.len().next_multiple_of(4), 0);
+        let first = words.len();
+        words.extend_from_slice(array);
+        for [word, header] in &users[array] {
+            words[*word] = ((first - header) / 4) as u32;
+        }
+        // Subgroups may read a little beyond the end.
+        words.extend([0; MOST_LANES as usize]);
+    }
+    (words, firsts)
+}
+
+/// Fills `words`, which hold the place of the header, with a model; of arrays that stand elsewhere it leaves the distances open.
+fn push_model(
+    words: &mut Vec<u32>,
+    model: &NeuBrdf,
+    shape: &NeuBrdfShape,
+    [wi_codes, wo_codes, layers]: [Option<&[u32]>; 3],
+) {
+    let wi = push_sphere(words, &model.wi, wi_codes);
+    let wo = push_sphere(words, &model.wo, wo_codes);
+    let surface = model.surface.as_ref().map_or(0, |surface| push_surface(words, surface, shape));
+    let layers = layers.map_or(0, |layers| {
+        let first = push(words, layers);
+        // Subgroups may read a little beyond the end.
+        words.extend([0; MOST_LANES as usize]);
+        first
+    });
     let encoding = model.encoding;
     let header = NeuBrdfHeader {
         wi,
@@ -199,12 +287,11 @@ pub fn pack_neubrdf(model: &NeuBrdf, shape: &NeuBrdfShape) -> Vec<u32> {
         scale: encoding.scale,
         most_exponent: (f64::from(encoding.gain) * f64::from(encoding.max)).ln_1p() as f32,
         inverse_gain: 1.0 / encoding.gain,
-        padding_0: 0,
-        padding_1: 0,
+        surface,
+        padding: 0,
     };
     let header: &[u32] = cast_slice(std::slice::from_ref(&header));
     words[..header.len()].copy_from_slice(header);
-    words
 }
 
 /// Appends an array, and returns where it begins, in groups of four words.
@@ -215,25 +302,44 @@ fn push(words: &mut Vec<u32>, array: &[u32]) -> u32 {
     first as u32
 }
 
-fn pack_sphere(words: &mut Vec<u32>, table: &SphereTable, shape: &NeuBrdfShape) -> SphereTableRecord {
+/// Codes filled up to that many groups of four features.
+fn filled_codes(Codebook { features, codes }: &Codebook, groups: u32) -> Vec<f32> {
+    let filled = 4 * groups as usize;
+    codes
+        .chunks_exact(*features as usize)
+        .flat_map(|code| code.iter().copied().chain(std::iter::repeat(0.0)).take(filled))
+        .collect()
+}
+
+/// Appends indices, and returns where they begin.
+fn push_indices(words: &mut Vec<u32>, indices: &[u16]) -> u32 {
     // Where there is no code nobody looks; should anybody, it finds one.
-    let mut indices: Vec<u16> = table.indices.iter().map(|index| if *index == NO_CODE { 0 } else { *index }).collect();
-    indices.resize(indices.len().next_multiple_of(2), 0);
+    let index = |index: Option<&u16>| index.filter(|index| **index != NO_CODE).map_or(0, |index| u32::from(*index));
+    let pairs: Vec<u32> = indices.chunks(2).map(|pair| index(pair.first()) | index(pair.get(1)) << 16).collect();
+    push(words, &pairs)
+}
+
+/// As `glsl/lib/neubrdf_surface.glsl` reads it.
+fn push_surface(words: &mut Vec<u32>, table: &SurfaceTable, shape: &NeuBrdfShape) -> u32 {
+    let SurfaceTable { grid, codebook, indices } = table;
+    let codes = push(words, &numbers(&filled_codes(codebook, shape.surface_groups), shape.precision));
+    let indices = push_indices(words, indices);
+    let [width, height] = grid.size(0);
+    let mut record = vec![width, height, grid.level_count(), codes, indices, 0, 0, 0];
+    for level in 0..grid.level_count() {
+        let [width, height] = grid.size(level);
+        record.extend([width, height, grid.first_point(level), 0]);
+    }
+    push(words, &record)
+}
+
+fn push_sphere(words: &mut Vec<u32>, table: &SphereTable, codes: Option<&[u32]>) -> SphereTableRecord {
     let mut levels = table.levels.clone();
     levels.resize(levels.len().next_multiple_of(4), 0);
-    let filled = 4 * shape.feature_groups as usize;
-    let codes: Vec<f32> = table
-        .codes
-        .chunks_exact(table.features as usize)
-        .flat_map(|code| code.iter().copied().chain(std::iter::repeat(0.0)).take(filled))
-        .collect();
     SphereTableRecord {
         n_side: table.grid.n_side(),
-        codes: push(words, &numbers(&codes, shape.precision)),
-        indices: push(
-            words,
-            &indices.as_chunks().0.iter().map(|[a, b]| u32::from(*a) | u32::from(*b) << 16).collect::<Vec<_>>(),
-        ),
+        codes: codes.map_or(0, |codes| push(words, codes)),
+        indices: push_indices(words, &table.indices),
         levels: if levels.is_empty() {
             0
         } else {
@@ -257,17 +363,20 @@ fn numbers(numbers: &[f32], precision: Precision) -> Vec<u32> {
 fn pack_layers(model: &NeuBrdf, shape: &NeuBrdfShape) -> Vec<f32> {
     let hidden = 4 * shape.hidden_groups as usize;
     let features = 4 * shape.feature_groups as usize;
-    let first = model.wi.features as usize;
+    let surface = 4 * shape.surface_groups as usize;
+    let first = model.wi.codebook.features as usize;
     let mut layers: Vec<Filled> = Vec::new();
     let (last, others) = model.layers.split_last().map_or((None, &[][..]), |(last, others)| (Some(last), others));
     for layer in others {
-        // Inputs of the first layer: here the features of ωi come first, there those of ωo, each filled up.
+        // Inputs of the first layer: here the features of ωi come first, then those of ωo and of the place; there in the opposite order, each
+        // filled up.
         let is_first = layers.is_empty();
-        let width = if is_first { 2 * features } else { hidden };
+        let width = if is_first { surface + 2 * features } else { hidden };
         let place = |input: usize| match input {
             _ if !is_first => input,
-            _ if input < first => input + features,
-            _ => input - first,
+            _ if input < first => input + surface + features,
+            _ if input < 2 * first => input - first + surface,
+            _ => input - 2 * first,
         };
         layers.push(Filled::new(layer, width, hidden, place));
     }

@@ -29,6 +29,20 @@ struct Picture<T> {
 
 /// Reads a texture from a PNG, JPEG or EXR file. Colours above 1, which only EXR can hold, are clamped with a warning.
 pub(super) fn texture(path: &Path, named_by: &Place, warnings: &mut Vec<Warning>) -> Result<Texture, Error> {
+    decoded(path, named_by, warnings, srgb_to_linear)
+}
+
+/// The same of numbers that are no colours: codes are taken as they are.
+pub(super) fn numbers(path: &Path, named_by: &Place, warnings: &mut Vec<Warning>) -> Result<Texture, Error> {
+    decoded(path, named_by, warnings, |code| code)
+}
+
+fn decoded(
+    path: &Path,
+    named_by: &Place,
+    warnings: &mut Vec<Warning>,
+    number: fn(f32) -> f32,
+) -> Result<Texture, Error> {
     let Picture { width, height, texels } = if is_exr(path, named_by)? {
         let mut picture = read_exr(path)?;
         check_texels(path, &picture, f32::MAX)?;
@@ -41,9 +55,31 @@ pub(super) fn texture(path: &Path, named_by: &Place, warnings: &mut Vec<Warning>
         let texels = picture.texels.iter().map(|color| color.extend(1.0).to_array().map(f16::from_f32));
         Picture { width: picture.width, height: picture.height, texels: texels.collect() }
     } else {
-        read_srgb(path, named_by)?
+        read_codes(path, named_by, number)?
     };
     let name = path.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
+    Ok(Texture { name, width, height, texels })
+}
+
+/// Reads measurements, times `scale`, from a PNG or JPEG file, in sRGB or linear, or from a linear EXR file.
+pub(super) fn measured(path: &Path, is_srgb: bool, scale: f32) -> Result<Texture, Error> {
+    let named_by = Place::file(path);
+    let scaled = |color: Vec3| (color.max(Vec3::ZERO) * scale).min(Vec3::splat(f16::MAX.to_f32()));
+    let picture = if is_exr(path, &named_by)? {
+        let picture = read_exr(path)?;
+        check_texels(path, &picture, f32::MAX)?;
+        let texels = picture.texels.iter().map(|color| scaled(*color).extend(1.0).to_array().map(f16::from_f32));
+        Picture { width: picture.width, height: picture.height, texels: texels.collect() }
+    } else {
+        let mut picture = read_codes(path, &named_by, if is_srgb { srgb_to_linear } else { |code| code })?;
+        for texel in &mut picture.texels {
+            let [red, green, blue, _] = texel.map(f16::to_f32);
+            *texel = scaled(Vec3::new(red, green, blue)).extend(1.0).to_array().map(f16::from_f32);
+        }
+        picture
+    };
+    let name = path.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
+    let Picture { width, height, texels } = picture;
     Ok(Texture { name, width, height, texels })
 }
 
@@ -114,7 +150,8 @@ fn check_size(path: &Path, width: u64, height: u64) -> Result<(), Error> {
     Err(Error::unexpected(Place::file(path), format!("an image of {width} × {height} texels"), expected))
 }
 
-fn read_srgb(path: &Path, named_by: &Place) -> Result<Picture<[f16; 4]>, Error> {
+/// Reads a PNG or JPEG, `number` telling what a code stands for, both in [0, 1].
+fn read_codes(path: &Path, named_by: &Place, number: fn(f32) -> f32) -> Result<Picture<[f16; 4]>, Error> {
     let unreadable = |source| Error::read(path, Some(named_by), source);
     let broken = |error: image::ImageError| {
         Error::unexpected(Place::file(path), format!("a broken image ({error})"), "a PNG, JPEG or OpenEXR image")
@@ -128,8 +165,7 @@ fn read_srgb(path: &Path, named_by: &Place) -> Result<Picture<[f16; 4]>, Error> 
     limits.max_alloc = Some(8 * MOST_TEXELS);
     reader.limits(limits);
     let image = reader.decode().map_err(broken)?.into_rgb16();
-    let linear: Vec<f16> =
-        (0..=u16::MAX).map(|code| f16::from_f32(srgb_to_linear(f32::from(code) / 65535.0))).collect();
+    let linear: Vec<f16> = (0..=u16::MAX).map(|code| f16::from_f32(number(f32::from(code) / 65535.0))).collect();
     let texels = image.pixels().map(|pixel| {
         let [red, green, blue] = pixel.0.map(|code| linear[usize::from(code)]);
         [red, green, blue, f16::ONE]

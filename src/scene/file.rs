@@ -169,8 +169,12 @@ fn decode_textures(scene: &mut Scene, files: &[(PathBuf, Place)], warnings: &mut
 /// A texture needs coordinates to be looked up at.
 fn warn_of_missing_coordinates(scene: &Scene, warnings: &mut Vec<Warning>) {
     for mesh in scene.meshes.iter().filter(|mesh| mesh.uvs.is_empty()) {
-        let textured = |material: &&u32| scene.materials[**material as usize].surface.texture().is_some();
-        if let Some(&material) = mesh.materials.iter().find(textured) {
+        let varies = |surface: &Surface| match surface {
+            Surface::Measured { brdf } => scene.brdfs[*brdf as usize].is_spatial(),
+            _ => surface.texture().is_some(),
+        };
+        let varies = |material: &&u32| varies(&scene.materials[**material as usize].surface);
+        if let Some(&material) = mesh.materials.iter().find(varies) {
             let name = &scene.materials[material as usize].name;
             let message = format!("no texture coordinates, though its material `{name}` has a texture");
             warnings.push(Warning { place: Place::file(&mesh.name), message });
@@ -281,6 +285,9 @@ const MATERIAL_TYPES: &str =
 /// Changes the materials of a name as a table of the scene file says.
 fn override_material(name: &str, value: &Value, file: &Path, library: &mut Library) -> Result<(), Error> {
     let table = value.table()?;
+    if let Some(map) = MAPS.iter().find_map(|key| table.get(key)) {
+        return Err(map.error(MAPS_ARE_LEARNED));
+    }
     let indices: Vec<usize> =
         (0..library.materials.len()).filter(|index| library.materials[*index].name == name).collect();
     if indices.is_empty() {
@@ -305,11 +312,17 @@ fn override_material(name: &str, value: &Value, file: &Path, library: &mut Libra
     Ok(())
 }
 
+/// Keys of maps that `neubrdf train` reads and nothing else: [`super::SurfaceMaps`].
+pub(super) const MAPS: [&str; 2] = ["roughness_map", "normal_map"];
+/// What is expected where such a key stands elsewhere.
+pub(super) const MAPS_ARE_LEARNED: &str =
+    "a .neubrdf that was trained on the map: `neubrdf train` makes one of a file of this material alone";
+
 /// The surface that a material's table asks for. What it does not say stays as it was before, if that was of the same
 /// type, or is the type's default.
 pub(super) fn surface(table: &Table, before: &Surface, file: &Path, library: &mut Library) -> Result<Surface, Error> {
     const EMISSION: [&str; 3] = ["type", "emission", "emits_both_sides"];
-    let allow = |keys: &[&str]| table.allow(&[&EMISSION, keys].concat());
+    let allow = |keys: &[&str]| table.allow(&[&EMISSION[..], &MAPS, keys].concat());
     let unchanged = match before {
         Surface::Diffuse { .. } => "diffuse",
         Surface::Conductor { .. } => "conductor",

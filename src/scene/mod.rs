@@ -7,6 +7,7 @@
 //! W·sr⁻¹·m⁻² per channel.
 
 pub mod brdf;
+mod btf;
 mod camera;
 mod check;
 mod decode;
@@ -25,6 +26,7 @@ mod polygon;
 mod recentre;
 mod statements;
 mod surface_file;
+mod surface_maps;
 pub(crate) mod table;
 mod texture;
 mod woven;
@@ -32,6 +34,7 @@ mod woven;
 pub use brdf::{
     Brdf, HalfDifference, Merl, Nbrdf, Rgl, RglTable, RglTables, RglWarp, SamplingLobe, Sparse, SparseSample,
 };
+pub use btf::{Btf, BtfPreview};
 pub use camera::{Camera, Film, Lens};
 pub use check::Flaw;
 pub use error::{Error, Place, Warning};
@@ -39,6 +42,7 @@ pub use layered::{LayerBase, Layered};
 pub use light::{Environment, Light, LightTable, Sun, luminance};
 pub use material::{Color, Fresnel, Material, Surface};
 pub use mesh::{Bounds, Instance, Mesh};
+pub use surface_maps::SurfaceMaps;
 pub use texture::Texture;
 pub use woven::{Woven, Yarn};
 

@@ -5,13 +5,13 @@ use std::sync::Arc;
 
 use glam::Vec3;
 
-use super::file::surface;
+use super::file::{MAPS, MAPS_ARE_LEARNED, surface};
 use super::mtl::Library;
 use super::table::{Source, Table, read_text};
 use super::{Brdf, Color, Error, Surface};
 
 /// Longest file of one material, bytes.
-const LONGEST_FILE: u64 = 1 << 20;
+pub(super) const LONGEST_FILE: u64 = 1 << 20;
 
 impl Surface {
     /// Loads a TOML file whose keys are those of a material of a scene file, or a file that [`Brdf::load`] knows, of which `name`
@@ -37,10 +37,17 @@ impl Surface {
                 return Err(value.error("no such key in a file of one material"));
             }
         }
+        if let Some(value) = MAPS.iter().find_map(|key| table.get(key)) {
+            return Err(value.error(MAPS_ARE_LEARNED));
+        }
         table.require("type")?;
         let mut library = Library::default();
-        let grey = Surface::Diffuse { albedo: Color::constant(Vec3::splat(0.5)) };
-        let surface = surface(&table, &grey, path, &mut library)?;
+        let surface = surface(&table, &grey(), path, &mut library)?;
         Ok((surface, library.brdfs))
     }
+}
+
+/// What a material is before its table says anything.
+pub(super) fn grey() -> Surface {
+    Surface::Diffuse { albedo: Color::constant(Vec3::splat(0.5)) }
 }

@@ -2,11 +2,12 @@
 
 use std::f64::consts::PI;
 
-use glam::{DVec3, Vec3};
+use glam::{DVec2, DVec3, Vec3};
 use nv_flip::{FlipImageRgb8, FlipPool};
 
-use super::measure::Eval;
+use super::measure::{EvalAt, Query};
 use crate::image::tone_map;
+use crate::scene::brdf::Footprint;
 
 /// Lights around the viewer's hemisphere and somewhat beyond.
 const LIGHTS: usize = 76;
@@ -22,8 +23,8 @@ pub struct Ball {
 
 impl Ball {
     /// Renders: point lights at the points of a Fibonacci spiral, so bright that a white matte ball has about 1 at its brightest. The
-    /// tangent runs eastwards about the vertical axis.
-    pub fn render(size: usize, eval: Eval) -> Ball {
+    /// tangent runs eastwards about the vertical axis. The texture of a material that varies covers the square.
+    pub fn render(size: usize, eval: EvalAt) -> Ball {
         let lights: Vec<DVec3> = (0..LIGHTS)
             .map(|i| {
                 let z = 1.0 - 1.3 * (i as f64 + 0.5) / LIGHTS as f64;
@@ -34,19 +35,20 @@ impl Ball {
             .collect();
         let irradiance = PI / lights.iter().map(|light| light.z.max(0.0)).sum::<f64>();
         let mut pixels = vec![[0.0; 3]; size * size];
-        let mut directions = Vec::new();
+        let mut queries = Vec::new();
         let mut places = Vec::new();
         for (place, normal) in (0..size * size).filter_map(|place| Some((place, normal(size, place)?))) {
             let tangent = DVec3::Y.cross(normal).normalize_or(DVec3::X);
             let bitangent = normal.cross(tangent);
             let local = |w: DVec3| DVec3::new(w.dot(tangent), w.dot(bitangent), w.dot(normal));
             let wo = local(DVec3::Z);
+            let uv = DVec2::new((place % size) as f64 + 0.5, (size - 1 - place / size) as f64 + 0.5) / size as f64;
             for wi in lights.iter().map(|light| local(*light)).filter(|wi| wi.z > 1e-3) {
-                directions.push([wo, wi]);
+                queries.push(Query { footprint: Footprint::point(uv), wo, wi });
                 places.push((place, (wi.z * irradiance) as f32));
             }
         }
-        for (value, (place, factor)) in eval(&directions).into_iter().zip(places) {
+        for (value, (place, factor)) in eval(&queries).into_iter().zip(places) {
             let lit = Vec3::from(pixels[place]) + factor * value.as_vec3();
             pixels[place] = lit.to_array();
         }

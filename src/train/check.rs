@@ -24,6 +24,22 @@ pub struct Check {
     pub max_albedo_at: [f64; 2],
 }
 
+impl Check {
+    /// What was found of both, and the worse.
+    pub fn merge(self, other: Check) -> Check {
+        // A NaN is the largest of all.
+        let other_is_worse = other.max_albedo > self.max_albedo || other.max_albedo.is_nan();
+        let worse = if other_is_worse { other } else { self };
+        Check {
+            pairs: self.pairs + other.pairs,
+            non_finite: self.non_finite + other.non_finite,
+            negative: self.negative + other.negative,
+            reciprocity_error: self.reciprocity_error.max(other.reciprocity_error),
+            ..worse
+        }
+    }
+}
+
 /// θ of the grid, uniform from the normal to just above the surface.
 const THETAS: usize = 46;
 /// Differences of azimuth, uniform over half a turn.

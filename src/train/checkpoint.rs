@@ -1,7 +1,8 @@
 //! A training's state on disk, bit for bit.
 //!
 //! Layout, little-endian: 8 bytes magic, u32 length of a JSON header, the header, the numbers of [`super::trainer::Trainer`] in its
-//! order, and a BLAKE3 hash of all that. The pairs are not stored: they are drawn again, and have to be the same.
+//! order, of one member of a group after the other, and a BLAKE3 hash of all that. The pairs are not stored: they are drawn again, and
+//! have to be the same.
 
 use std::io::Write;
 use std::path::Path;
@@ -10,16 +11,24 @@ use bytemuck::{Pod, cast_slice, cast_slice_mut};
 use serde::{Deserialize, Serialize};
 
 use super::plan::Plan;
-use super::{Error, Session};
+use super::{Error, Group, Session};
 use crate::image::atomic_write;
 
-const MAGIC: &[u8; 8] = b"NBRDFTR1";
+const MAGIC: &[u8; 8] = b"NBRDFTR2";
 const HASH_BYTES: usize = 32;
 
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Header {
     version: String,
+    /// Of a group: whether its network is common.
+    shares_network: Option<bool>,
+    sessions: Vec<SessionHeader>,
+}
+
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct SessionHeader {
     plan: Plan,
     /// [`super::trainer::Pool::hash`].
     pairs: String,
@@ -35,10 +44,17 @@ struct Header {
 impl Session {
     /// Writes the state, whole or not at all.
     pub fn save(&mut self, path: &Path) -> Result<(), Error> {
-        let io_error = |source| Error::CheckpointFile { path: path.to_owned(), source };
+        save(path, std::slice::from_mut(self), None)
+    }
+
+    /// Goes on from what [`Session::save`] wrote for the same plan and ground truth. On an error the session is not to be used.
+    pub fn restore(&mut self, path: &Path) -> Result<(), Error> {
+        restore(path, std::slice::from_mut(self), None)
+    }
+
+    fn header(&self) -> SessionHeader {
         let trainer = &self.trainer;
-        let header = Header {
-            version: env!("CARGO_PKG_VERSION").to_owned(),
+        SessionHeader {
             plan: self.plan.clone(),
             pairs: trainer.pairs_hash(),
             step: trainer.step,
@@ -46,52 +62,81 @@ impl Session {
             loss: self.loss.to_bits(),
             widths: trainer.network.widths(),
             codes: trainer.tables.iter().map(|table| table.nearest_codes()).collect(),
-        };
-        let header = serde_json::to_vec(&header).map_err(|error| io_error(error.into()))?;
-        let (floats, indices) = self.trainer.state();
-        let parts: Vec<&[u8]> =
-            floats.iter().map(|part| cast_slice(part)).chain(indices.iter().map(|part| cast_slice(part))).collect();
-        atomic_write(path, |file| {
-            let length = (header.len() as u32).to_le_bytes();
-            let mut hasher = blake3::Hasher::new();
-            for part in [MAGIC, &length[..], &header].into_iter().chain(parts) {
-                hasher.update(part);
-                file.write_all(part).map_err(io_error)?;
-            }
-            file.write_all(hasher.finalize().as_bytes()).map_err(io_error)
-        })
+        }
     }
 
-    /// Goes on from what [`Session::save`] wrote for the same plan and ground truth. On an error the session is not to be used.
-    pub fn restore(&mut self, path: &Path) -> Result<(), Error> {
-        let bytes = std::fs::read(path).map_err(|source| Error::CheckpointFile { path: path.to_owned(), source })?;
-        let format = |reason| Error::CheckpointFormat { path: path.to_owned(), reason };
-        let (header, mut rest) = parse(&bytes).map_err(format)?;
-        for (what, is_equal) in [
-            ("the version", header.version == env!("CARGO_PKG_VERSION")),
-            ("the plan (model, recipe, quality, seed or a size)", header.plan == self.plan),
-            ("the input", header.pairs == self.trainer.pairs_hash()),
-        ] {
-            if !is_equal {
-                return Err(Error::CheckpointMismatch { path: path.to_owned(), what });
-            }
-        }
-        self.shape(&header.widths, &header.codes).ok_or_else(|| format("its sizes are not those of its plan"))?;
+    /// Takes over a state. Returns the rest of the bytes.
+    fn read<'a>(&mut self, header: &SessionHeader, mut rest: &'a [u8]) -> Result<&'a [u8], &'static str> {
+        self.shape(&header.widths, &header.codes).ok_or("its sizes are not those of its plan")?;
         self.trainer.step = header.step;
         self.trainer.adam_step = header.adam_step;
         self.loss = f64::from_bits(header.loss);
         let (floats, indices) = self.trainer.state();
         for part in floats {
-            rest = take(rest, part).ok_or_else(|| format("it is cut short"))?;
+            rest = take(rest, part).ok_or("it is cut short")?;
         }
         for part in indices {
-            rest = take(rest, part).ok_or_else(|| format("it is cut short"))?;
+            rest = take(rest, part).ok_or("it is cut short")?;
         }
-        if !rest.is_empty() || !self.trainer.look_up() {
-            return Err(format("its numbers are not those of its plan"));
-        }
-        Ok(())
+        self.trainer.look_up().then_some(rest).ok_or("its numbers are not those of its plan")
     }
+}
+
+impl Group {
+    /// Writes the state of all members, whole or not at all.
+    pub fn save(&mut self, path: &Path) -> Result<(), Error> {
+        save(path, &mut self.members, Some(self.shares_network))
+    }
+
+    /// Goes on from what [`Group::save`] wrote for the same plans and ground truths. On an error the group is not to be used.
+    pub fn restore(&mut self, path: &Path) -> Result<(), Error> {
+        restore(path, &mut self.members, Some(self.shares_network))
+    }
+}
+
+fn save(path: &Path, sessions: &mut [Session], shares_network: Option<bool>) -> Result<(), Error> {
+    let io_error = |source| Error::CheckpointFile { path: path.to_owned(), source };
+    let headers = sessions.iter().map(Session::header).collect();
+    let header = Header { version: env!("CARGO_PKG_VERSION").to_owned(), shares_network, sessions: headers };
+    let header = serde_json::to_vec(&header).map_err(|error| io_error(error.into()))?;
+    let mut parts: Vec<&[u8]> = Vec::new();
+    for session in sessions {
+        let (floats, indices) = session.trainer.state();
+        parts.extend(floats.into_iter().map(|part| cast_slice::<_, u8>(part)));
+        parts.extend(indices.into_iter().map(|part| cast_slice::<_, u8>(part)));
+    }
+    atomic_write(path, |file| {
+        let length = (header.len() as u32).to_le_bytes();
+        let mut hasher = blake3::Hasher::new();
+        for part in [MAGIC, &length[..], &header].into_iter().chain(parts) {
+            hasher.update(part);
+            file.write_all(part).map_err(io_error)?;
+        }
+        file.write_all(hasher.finalize().as_bytes()).map_err(io_error)
+    })
+}
+
+fn restore(path: &Path, sessions: &mut [Session], shares_network: Option<bool>) -> Result<(), Error> {
+    let bytes = std::fs::read(path).map_err(|source| Error::CheckpointFile { path: path.to_owned(), source })?;
+    let format = |reason| Error::CheckpointFormat { path: path.to_owned(), reason };
+    let (header, mut rest) = parse(&bytes).map_err(format)?;
+    let all = |is_equal: fn(&SessionHeader, &Session) -> bool| {
+        header.sessions.len() == sessions.len() && header.sessions.iter().zip(&*sessions).all(|(a, b)| is_equal(a, b))
+    };
+    for (what, is_equal) in [
+        ("the version", header.version == env!("CARGO_PKG_VERSION")),
+        ("what is shared", header.shares_network == shares_network),
+        ("the plan (model, recipe, quality, seed or a size)", all(|saved, session| saved.plan == session.plan)),
+        ("the input", all(|saved, session| saved.pairs == session.trainer.pairs_hash())),
+    ] {
+        if !is_equal {
+            return Err(Error::CheckpointMismatch { path: path.to_owned(), what });
+        }
+    }
+    for (saved, session) in header.sessions.iter().zip(sessions) {
+        rest = session.read(saved, rest).map_err(format)?;
+    }
+    if rest.is_empty() { Ok(()) } else { Err(format("its numbers are not those of its plan")) }
 }
 
 fn parse(bytes: &[u8]) -> Result<(Header, &[u8]), &'static str> {

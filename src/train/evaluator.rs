@@ -3,12 +3,13 @@
 use glam::DVec3;
 use rayon::prelude::*;
 
-use super::gather::{Corners, Rows, gather_features, in_frame};
+use super::measure::Query;
+use super::gather::{Corners, Rows, Texels, gather_features, in_frame};
 use super::network::{Network, Shard};
 use super::product::padded;
 use super::result::network_of;
 use super::session::half_difference;
-use crate::scene::brdf::{CornerWeights, Encoding, NO_CODE, NeuBrdf, SphereTable};
+use crate::scene::brdf::{Codebook, CornerWeights, Encoding, Footprint, NO_CODE, NeuBrdf, SphereTable, SurfaceGrid};
 
 /// A NeuBRDF or an NBRDF, ready to be evaluated.
 pub struct Evaluator {
@@ -20,8 +21,9 @@ pub struct Evaluator {
 
 struct Features {
     tables: [SphereTable; 2],
-    /// Points × F, of each table.
-    rows: [Vec<f32>; 2],
+    texels: Option<SurfaceGrid>,
+    /// F, and points × F, of each table.
+    rows: Vec<(usize, Vec<f32>)>,
     corner_weights: CornerWeights,
     encoding: Encoding,
 }
@@ -33,16 +35,24 @@ impl Evaluator {
     /// Of a NeuBRDF.
     pub fn neubrdf(brdf: &NeuBrdf) -> Evaluator {
         let tables = [brdf.wi.clone(), brdf.wo.clone()];
-        let rows = tables.each_ref().map(|table| {
-            let features = table.features as usize;
+        let rows = |codebook: &Codebook, indices: &[u16]| {
+            let features = codebook.features as usize;
             let row = |index: &u16| {
                 // A point that is no corner has no code, and no one asks.
                 let code = if *index == NO_CODE { 0 } else { usize::from(*index) };
-                &table.codes[code * features..][..features]
+                &codebook.codes[code * features..][..features]
             };
-            table.indices.iter().flat_map(row).copied().collect()
+            (features, indices.iter().flat_map(row).copied().collect())
+        };
+        let of_sphere = |table: &SphereTable| rows(&table.codebook, &table.indices);
+        let of_surface = brdf.surface.iter().map(|table| rows(&table.codebook, &table.indices));
+        let features = Some(Features {
+            rows: tables.iter().map(of_sphere).chain(of_surface).collect(),
+            tables,
+            texels: brdf.surface.as_ref().map(|table| table.grid),
+            corner_weights: brdf.corner_weights,
+            encoding: brdf.encoding,
         });
-        let features = Some(Features { tables, rows, corner_weights: brdf.corner_weights, encoding: brdf.encoding });
         Evaluator { network: network_of(&brdf.layers), is_isotropic: brdf.is_isotropic, features }
     }
 
@@ -51,14 +61,23 @@ impl Evaluator {
         Evaluator { network, is_isotropic, features: None }
     }
 
-    /// The BRDF in sr⁻¹, RGB, at each (ωo, ωi), which are above the surface.
+    /// The BRDF in sr⁻¹, RGB, at each (ωo, ωi), which are above the surface; of a material that varies, its average.
     pub fn eval(&self, pairs: &[[DVec3; 2]]) -> Vec<DVec3> {
-        let mut values = vec![DVec3::ZERO; pairs.len()];
-        values.par_chunks_mut(ROWS).zip(pairs.par_chunks(ROWS)).for_each(|(values, pairs)| {
-            let mut shard = Shard::new(&self.network, pairs.len());
+        self.values(pairs, |[wo, wi], row| self.inputs(Footprint::WHOLE, *wo, *wi, row))
+    }
+
+    /// The same as seen at places.
+    pub fn eval_at(&self, queries: &[Query]) -> Vec<DVec3> {
+        self.values(queries, |query, row| self.inputs(query.footprint, query.wo, query.wi, row))
+    }
+
+    fn values<T: Sync>(&self, queries: &[T], inputs: impl Fn(&T, &mut [f32]) + Sync) -> Vec<DVec3> {
+        let mut values = vec![DVec3::ZERO; queries.len()];
+        values.par_chunks_mut(ROWS).zip(queries.par_chunks(ROWS)).for_each(|(values, queries)| {
+            let mut shard = Shard::new(&self.network, queries.len());
             let stride = padded(shard.width());
-            for (row, [wo, wi]) in shard.inputs().chunks_exact_mut(stride).zip(pairs) {
-                self.inputs(*wo, *wi, row);
+            for (row, query) in shard.inputs().chunks_exact_mut(stride).zip(queries) {
+                inputs(query, row);
             }
             self.network.forward(&mut shard);
             let (outputs, _) = shard.outputs();
@@ -70,18 +89,15 @@ impl Evaluator {
         values
     }
 
-    fn inputs(&self, wo: DVec3, wi: DVec3, row: &mut [f32]) {
+    fn inputs(&self, footprint: Footprint, wo: DVec3, wi: DVec3, row: &mut [f32]) {
         match &self.features {
             None => row[..6].copy_from_slice(&half_difference(wo, wi, self.is_isotropic)),
-            Some(Features { tables, rows, corner_weights, .. }) => {
+            Some(Features { tables, texels, rows, corner_weights, .. }) => {
                 let frame = in_frame(wo, wi, self.is_isotropic);
-                let sides = [0, 1];
-                let views = sides.map(|side| Rows { features: tables[side].features as usize, rows: &rows[side] });
-                gather_features(
-                    &views,
-                    &sides.map(|side| Corners::of(&tables[side], frame[side], *corner_weights)),
-                    row,
-                );
+                let views: Vec<Rows> = rows.iter().map(|(features, rows)| Rows { features: *features, rows }).collect();
+                let corners = [0, 1].map(|side| Corners::of(&tables[side], frame[side], *corner_weights));
+                let texels = texels.map(|grid| Texels::of(&grid, footprint));
+                gather_features(&views, &corners, texels.as_ref(), row);
             }
         }
     }

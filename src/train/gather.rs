@@ -1,9 +1,9 @@
-//! Features of directions: weighted sums of those at grid points.
+//! Features of directions and places: weighted sums of those at grid points.
 
 use glam::DVec3;
 
 use crate::material::turned;
-use crate::scene::brdf::{CornerWeights, SphereTable};
+use crate::scene::brdf::{CornerWeights, Footprint, SphereTable, SurfaceGrid};
 
 /// Grid points and their weights at a direction.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -22,7 +22,24 @@ impl Corners {
     }
 }
 
-/// The features of all points of a hemisphere, points × F.
+/// Texels and their weights at a place.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Texels {
+    /// The points.
+    pub points: [u32; 8],
+    /// Their weights.
+    pub weights: [f32; 8],
+}
+
+impl Texels {
+    /// What the features of a footprint are made of.
+    pub fn of(grid: &SurfaceGrid, footprint: Footprint) -> Texels {
+        let gathered = grid.gather(footprint);
+        Texels { points: gathered.points, weights: gathered.weights.map(|weight| weight as f32) }
+    }
+}
+
+/// The features of all points of a hemisphere or a texture, points × F.
 #[derive(Clone, Copy)]
 pub struct Rows<'a> {
     /// F.
@@ -37,8 +54,8 @@ impl<'a> Rows<'a> {
     }
 }
 
-/// The features of ωi, then those of ωo, at the start of `out`.
-pub fn gather_features(tables: &[Rows], corners: &[Corners; 2], out: &mut [f32]) {
+/// The features of ωi, those of ωo, and where there is a third table those of the place, at the start of `out`.
+pub fn gather_features(tables: &[Rows], corners: &[Corners; 2], texels: Option<&Texels>, out: &mut [f32]) {
     let mut rest = out;
     for (table, at) in tables.iter().zip(corners) {
         let (out, after) = rest.split_at_mut(table.features);
@@ -47,6 +64,13 @@ pub fn gather_features(tables: &[Rows], corners: &[Corners; 2], out: &mut [f32])
         let [p, q, r, s] = at.weights;
         for (f, out) in out.iter_mut().enumerate() {
             *out = p * a[f] + q * b[f] + r * c[f] + s * d[f];
+        }
+    }
+    if let (Some(table), Some(texels)) = (tables.get(2), texels) {
+        let out = &mut rest[..table.features];
+        out.fill(0.0);
+        for (point, weight) in texels.points.into_iter().zip(texels.weights) {
+            out.iter_mut().zip(table.row(point)).for_each(|(out, feature)| *out += weight * feature);
         }
     }
 }

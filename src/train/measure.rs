@@ -2,16 +2,42 @@
 
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
-use glam::DVec3;
+use glam::{DVec2, DVec3};
 
 use serde::Serialize;
 
 use super::ball::Ball;
 use super::pairs::draw;
 use super::random::Random;
+use crate::scene::brdf::Footprint;
 
 /// A BRDF at many (ωo, ωi) at once.
 pub type Eval<'a> = &'a (dyn Fn(&[[DVec3; 2]]) -> Vec<DVec3> + Sync);
+
+/// What is asked of a material that varies.
+#[derive(Clone, Copy, Debug)]
+pub struct Query {
+    /// Where.
+    pub footprint: Footprint,
+    /// Towards the viewer.
+    pub wo: DVec3,
+    /// Towards the light.
+    pub wi: DVec3,
+}
+
+/// A BRDF at many places and directions at once; one that is the same everywhere may leave the places out.
+pub type EvalAt<'a> = &'a (dyn Fn(&[Query]) -> Vec<DVec3> + Sync);
+
+/// (ωo, ωi) alone.
+fn directions(queries: &[Query]) -> Vec<[DVec3; 2]> {
+    queries.iter().map(|query| [query.wo, query.wi]).collect()
+}
+
+/// Point `index` of a sequence that fills the texture evenly (Roberts 2018).
+pub fn place(index: usize) -> Footprint {
+    let at = |step: f64| (0.5 + step * (index as f64 + 1.0)).fract();
+    Footprint::point(DVec2::new(at(0.754_877_666_246_692_7), at(0.569_840_290_998_053_2)))
+}
 
 /// All that a fit is judged by.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -93,6 +119,11 @@ const ALBEDO_POINTS: usize = 8192;
 
 /// Compares a fit with its ground truth; balls are `size` pixels to a side.
 pub fn compare(size: usize, is_isotropic: bool, fit: Eval, truth: Eval) -> Comparison {
+    compare_at(size, is_isotropic, &|queries| fit(&directions(queries)), &|queries| truth(&directions(queries)))
+}
+
+/// The same of a material that varies: pairs and albedos are averaged over places, and balls show the texture.
+pub fn compare_at(size: usize, is_isotropic: bool, fit: EvalAt, truth: EvalAt) -> Comparison {
     let phis: &[f64] = if is_isotropic { &[0.0] } else { &[0.0, 45.0, 90.0] };
     let albedo: Vec<AlbedoError> = THETAS
         .iter()
@@ -100,13 +131,13 @@ pub fn compare(size: usize, is_isotropic: bool, fit: Eval, truth: Eval) -> Compa
         .map(|(theta, phi)| {
             let ((sin, cos), (y, x)) = (f64::to_radians(theta).sin_cos(), f64::to_radians(phi).sin_cos());
             let wo = DVec3::new(sin * x, sin * y, cos);
-            let of = |eval: Eval| directional_albedo(wo, ALBEDO_POINTS, eval).element_sum() / 3.0;
+            let of = |eval: EvalAt| average_albedo(wo, ALBEDO_POINTS, eval).element_sum() / 3.0;
             AlbedoError { theta, phi, truth: of(truth), fit: of(fit) }
         })
         .collect();
     let [fit_ball, truth_ball] = [fit, truth].map(|eval| Ball::render(size, eval));
     let errors = FitErrors {
-        pairs: pair_errors(PAIRS, SEED, fit, truth),
+        pairs: pair_errors_at(PAIRS, SEED, fit, truth),
         ball: BallErrors {
             ssim: fit_ball.ssim(&truth_ball),
             flip: fit_ball.flip(&truth_ball),
@@ -120,11 +151,17 @@ pub fn compare(size: usize, is_isotropic: bool, fit: Eval, truth: Eval) -> Compa
 
 /// Compares at `count` random pairs.
 pub fn pair_errors(count: usize, seed: u64, fit: Eval, truth: Eval) -> PairErrors {
+    pair_errors_at(count, seed, &|queries| fit(&directions(queries)), &|queries| truth(&directions(queries)))
+}
+
+/// The same, each pair at a place of its own.
+pub fn pair_errors_at(count: usize, seed: u64, fit: EvalAt, truth: EvalAt) -> PairErrors {
     let mut random = Random::new(seed, 0);
-    let pairs: Vec<[DVec3; 2]> = (0..count).map(|_| draw(&mut random)).map(|(wo, wi)| [wo, wi]).collect();
+    let pairs = (0..count).map(|index| (place(index), draw(&mut random)));
+    let pairs: Vec<Query> = pairs.map(|(footprint, (wo, wi))| Query { footprint, wo, wi }).collect();
     let (mut log, mut square, mut norm) = (0.0, 0.0, 0.0);
     let mut bins = [[[0.0; 2]; BINS]; 2];
-    for ((fit, truth), [wo, wi]) in fit(&pairs).into_iter().zip(truth(&pairs)).zip(&pairs) {
+    for ((fit, truth), Query { wo, wi, .. }) in fit(&pairs).into_iter().zip(truth(&pairs)).zip(&pairs) {
         let here = (0..3).map(|channel| (fit[channel].ln_1p() - truth[channel].ln_1p()).abs()).sum::<f64>() / 3.0;
         log += here / count as f64;
         square += ((fit - truth) * wi.z).length_squared();
@@ -150,7 +187,12 @@ pub fn pair_errors(count: usize, seed: u64, fit: Eval, truth: Eval) -> PairError
 /// Directional albedo, ∫ f(ωo, ωi) cos θi dωi, RGB, by `count` points that crowd where lobes are. Exact enough to compare two
 /// BRDFs, as both are seen at the same points.
 pub fn directional_albedo(wo: DVec3, count: usize, eval: Eval) -> DVec3 {
-    let mut directions = Vec::with_capacity(count);
+    average_albedo(wo, count, &|queries| eval(&directions(queries)))
+}
+
+/// The same, averaged over places.
+fn average_albedo(wo: DVec3, count: usize, eval: EvalAt) -> DVec3 {
+    let mut queries = Vec::with_capacity(count);
     let mut weights = Vec::with_capacity(count);
     for i in 0..count {
         // A Kronecker sequence of the plastic number and its kin (Roberts 2018).
@@ -173,10 +215,10 @@ pub fn directional_albedo(wo: DVec3, count: usize, eval: Eval) -> DVec3 {
             by_theta / (TAU * theta.sin()) / (4.0 * wo.dot(half))
         };
         let density = 0.4 * wi.z / PI + 0.3 * crowded(2.0) + 0.3 * crowded(4.0);
-        directions.push([wo, wi]);
+        queries.push(Query { footprint: place(i), wo, wi });
         weights.push(wi.z / density / count as f64);
     }
-    eval(&directions).into_iter().zip(weights).map(|(value, weight)| value * weight).sum()
+    eval(&queries).into_iter().zip(weights).map(|(value, weight)| value * weight).sum()
 }
 
 fn mirrored(wo: DVec3, half: DVec3) -> DVec3 {

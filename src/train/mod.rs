@@ -8,9 +8,13 @@ mod adam;
 pub mod ball;
 pub mod check;
 mod checkpoint;
+pub mod cluster;
 mod evaluator;
 mod gather;
+mod group;
+mod group_report;
 pub mod measure;
+mod measured;
 mod network;
 mod pairs;
 mod plan;
@@ -28,8 +32,11 @@ mod vector;
 use std::path::PathBuf;
 
 pub use evaluator::Evaluator;
+pub use group::Group;
+pub use group_report::GroupReport;
+pub use measured::{btf_pairs, sample_pairs};
 pub use pairs::{GroundTruth, Pair};
-pub use plan::{Model, Plan, Quality, Recipe};
+pub use plan::{Model, Plan, Quality, Recipe, SurfacePlan};
 pub use report::{RecipeResult, Report};
 pub use session::Session;
 

@@ -2,10 +2,12 @@
 
 use std::f64::consts::{FRAC_PI_2, TAU};
 
-use glam::{DVec3, Vec3};
+use glam::{DQuat, DVec2, DVec3, Vec2, Vec3};
 use rayon::prelude::*;
 
 use super::random::Random;
+use crate::material::Evaluate;
+use crate::scene::brdf::{Footprint, SurfaceGrid};
 
 /// What is learned.
 pub enum GroundTruth<'a> {
@@ -16,7 +18,12 @@ pub enum GroundTruth<'a> {
         /// Whether only the difference of the azimuths matters, and not its sign.
         is_isotropic: bool,
     },
-    /// Measurements at some pairs of directions.
+    /// A BRDF that varies over a texture and is known everywhere.
+    Surface {
+        /// Its values at points, and the normals that its lobes lie about.
+        brdf: &'a dyn Evaluate,
+    },
+    /// Measurements at some pairs of directions, and of places where the material varies.
     Samples {
         /// The measurements.
         pairs: Vec<Pair>,
@@ -30,24 +37,96 @@ impl GroundTruth<'_> {
     pub fn is_isotropic(&self) -> bool {
         match self {
             GroundTruth::Function { is_isotropic, .. } | GroundTruth::Samples { is_isotropic, .. } => *is_isotropic,
+            GroundTruth::Surface { brdf } => brdf.is_isotropic(),
         }
     }
 
-    /// The measurements, or values of the function at `count` pairs that are drawn to crowd where lobes are.
-    pub fn pairs(&self, count: usize, seed: u64) -> Vec<Pair> {
+    /// The measurements, or values of the function at `count` pairs that are drawn to crowd where lobes are. Over these texels, where the
+    /// function is one of places, the others being the same everywhere.
+    pub fn pairs(&self, count: usize, seed: u64, grid: Option<SurfaceGrid>) -> Vec<Pair> {
+        let drawn = |draw: &(dyn Fn(&mut Random) -> Pair + Sync)| {
+            let mut pairs = vec![Pair::default(); count];
+            pairs.par_chunks_mut(DRAWN_TOGETHER).enumerate().for_each(|(chunk, pairs)| {
+                let mut random = Random::new(seed, chunk as u64);
+                pairs.iter_mut().for_each(|pair| *pair = draw(&mut random));
+            });
+            pairs
+        };
         match self {
             GroundTruth::Samples { pairs, .. } => pairs.clone(),
-            GroundTruth::Function { eval, .. } => {
-                let mut pairs = vec![Pair::default(); count];
-                pairs.par_chunks_mut(DRAWN_TOGETHER).enumerate().for_each(|(chunk, pairs)| {
-                    let mut random = Random::new(seed, chunk as u64);
-                    for pair in pairs {
-                        let (wo, wi) = draw(&mut random);
-                        *pair = Pair { wo: wo.as_vec3(), wi: wi.as_vec3(), value: eval(wo, wi).as_vec3() };
-                    }
-                });
-                pairs
+            GroundTruth::Function { eval, .. } => drawn(&|random| {
+                let (wo, wi) = draw(random);
+                Pair { wo: wo.as_vec3(), wi: wi.as_vec3(), value: eval(wo, wi).as_vec3(), ..Pair::default() }
+            }),
+            GroundTruth::Surface { brdf } => {
+                let grid = grid.unwrap_or_default();
+                drawn(&|random| {
+                    let place = Place::draw(&grid, random);
+                    let (wo, wi) = draw_about(brdf.normal(place.uv), random);
+                    let value = place.average(&grid, random, &|uv| brdf.eval_at(Footprint::point(uv), wo, wi));
+                    let (uv, area) = (place.uv.as_vec2(), place.area(&grid) as f32);
+                    Pair { wo: wo.as_vec3(), wi: wi.as_vec3(), value: value.as_vec3(), uv, area }
+                })
             }
+        }
+    }
+}
+
+/// A footprint to learn.
+pub(super) struct Place {
+    pub uv: DVec2,
+    /// Of the grid, a real number.
+    pub level: f64,
+}
+
+/// Share of the pairs that see points.
+const POINTS: f64 = 0.5;
+
+/// Points that a footprint's average is taken over, at most: what is left of its noise averages out over the pairs.
+const MOST_AVERAGED: f64 = 8.0;
+
+impl Place {
+    /// Anywhere, half of them points and the others of all sizes alike.
+    pub fn draw(grid: &SurfaceGrid, random: &mut Random) -> Place {
+        let last = f64::from(grid.level_count() - 1);
+        let uv = DVec2::new(random.next_f64(), random.next_f64());
+        let level = if random.next_f64() < POINTS { 0.0 } else { last * random.next_f64() };
+        Place { uv, level }
+    }
+
+    /// The footprint's, in texture coordinates.
+    pub fn area(&self, grid: &SurfaceGrid) -> f64 {
+        let [width, height] = grid.size(0).map(f64::from);
+        4f64.powf(self.level) / (width * height)
+    }
+
+    /// The sides of what the average is taken over. A bilinear look-up of level 0 has seen a texel already: of a footprint of 2^level texels to
+    /// a side what is left, as variances add up, is a square of √(4^level − 1).
+    pub fn extent(&self, grid: &SurfaceGrid) -> DVec2 {
+        let size = DVec2::from(grid.size(0).map(f64::from));
+        (DVec2::splat((4f64.powf(self.level) - 1.0).sqrt()) / size).min(DVec2::ONE)
+    }
+
+    /// The average of a function over the footprint.
+    pub fn average(&self, grid: &SurfaceGrid, random: &mut Random, function: &dyn Fn(DVec2) -> DVec3) -> DVec3 {
+        let extent = self.extent(grid);
+        let count = 4f64.powf(self.level).min(MOST_AVERAGED).ceil() as u32;
+        // A Kronecker sequence (Roberts 2018), shifted at random.
+        let shift = DVec2::new(random.next_f64(), random.next_f64());
+        let step = DVec2::new(0.754_877_666_246_692_7, 0.569_840_290_998_053_2);
+        let point = |i: u32| self.uv + ((shift + f64::from(i) * step).fract() - 0.5) * extent;
+        (0..count).map(|i| function(point(i))).sum::<DVec3>() / f64::from(count)
+    }
+}
+
+/// As [`draw`], about another normal.
+fn draw_about(normal: DVec3, random: &mut Random) -> (DVec3, DVec3) {
+    let turn = DQuat::from_rotation_arc(DVec3::Z, normal);
+    loop {
+        let (wo, wi) = draw(random);
+        let (wo, wi) = (turn * wo, turn * wi);
+        if wo.z > LOWEST && wi.z > LOWEST {
+            return (wo, wi);
         }
     }
 }
@@ -64,6 +143,10 @@ pub struct Pair {
     pub wi: Vec3,
     /// The BRDF, without the cosine.
     pub value: Vec3,
+    /// Where, of a material that varies.
+    pub uv: Vec2,
+    /// The area over which the value is the average, as [`Footprint::area`](crate::scene::brdf::Footprint::area).
+    pub area: f32,
 }
 
 impl Pair {

@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::Error;
-use crate::scene::brdf::{CornerWeights, SphereGrid};
+use crate::scene::brdf::{CornerWeights, SphereGrid, SurfaceGrid};
 
 /// What is trained.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
@@ -43,6 +43,30 @@ pub enum Quality {
 /// What an index of 16 bits can name, besides nothing.
 const MOST_CODES: usize = (u16::MAX - 1) as usize;
 
+/// Codes of a hemisphere that groups share, unless the user says otherwise.
+const GROUP_CODES: usize = 1024;
+
+/// Pairs of all members of a group, of 80 bytes each.
+const GROUP_PAIRS: usize = 1 << 24;
+
+/// Codes of texels where there are more texels than an index can name.
+const MANY_CODES: usize = 4096;
+
+/// Features of a texel.
+const SURFACE_FEATURES: usize = 8;
+
+/// What is learned of places.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SurfacePlan {
+    /// Texels across and down.
+    pub texels: [u32; 2],
+    /// Features of a texel.
+    pub features: usize,
+    /// Most codes of the texels' codebook; more codes than texels, those of coarser levels included, mean that each has its own.
+    pub codes: usize,
+}
+
 /// All that a training depends on, besides the ground truth.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -57,6 +81,8 @@ pub struct Plan {
     pub features: usize,
     /// Most codes of each hemisphere's codebook; more codes than points means that each point has its own.
     pub codes: [usize; 2],
+    /// Texels, where the material varies.
+    pub surface: Option<SurfacePlan>,
     /// Neurons of each of the three hidden layers.
     pub hidden: usize,
     /// How many of them are left after pruning; as many as `hidden`: none is pruned.
@@ -93,6 +119,7 @@ impl Plan {
             n_side: [16; 2],
             features: if is_isotropic { 12 } else { 11 },
             codes: [MOST_CODES; 2],
+            surface: None,
             hidden: 64,
             pruned: 64,
             corner_weights: CornerWeights::Bilinear,
@@ -113,11 +140,51 @@ impl Plan {
         }
     }
 
+    /// The same for a material that varies, over so many texels across and down.
+    pub fn over(self, texels: [u32; 2]) -> Plan {
+        let points = SurfaceGrid::new(texels[0], texels[1]).map_or(0, |grid| grid.point_count());
+        let codes = match self.recipe {
+            Recipe::Paper => self.codes[0],
+            _ if points > MOST_CODES => MANY_CODES,
+            _ => MOST_CODES,
+        };
+        Plan { surface: Some(SurfacePlan { texels, features: SURFACE_FEATURES, codes }), ..self }
+    }
+
+    /// Numbers that go into the network.
+    pub(super) fn inputs(&self) -> usize {
+        2 * self.features + self.surface.map_or(0, |surface| surface.features)
+    }
+
+    /// Most codes of each table.
+    pub(super) fn table_codes(&self) -> impl Iterator<Item = usize> {
+        self.codes.into_iter().chain(self.surface.map(|surface| surface.codes))
+    }
+
+    /// The texels.
+    pub(super) fn surface_grid(&self) -> Result<Option<SurfaceGrid>, Error> {
+        let Some(SurfacePlan { texels: [width, height], .. }) = self.surface else { return Ok(None) };
+        let found = || format!("{width}x{height}");
+        let error = || Error::Plan { name: "--texels", found: found(), expected: "1 to 1024 to a side" };
+        SurfaceGrid::new(width, height).ok_or_else(error).map(Some)
+    }
+
     /// Coarsens the grids, so that a few measurements tell something of each point: of an isotropic material 96 N² of them are ten
     /// or more a point.
     pub fn for_samples(self, count: usize) -> Plan {
         let n_side = (0..=4).map(|power| 1 << power).take_while(|n| 96 * n * n <= count as u32).last().unwrap_or(1);
         Plan { n_side: self.n_side.map(|finest| finest.min(n_side)), ..self }
+    }
+
+    /// The same for each of `members` materials that share a codebook a hemisphere: `codes` codes, or what is enough for many. Of
+    /// functions not more pairs are drawn than memory has room for.
+    pub fn for_group(self, members: usize, codes: Option<usize>) -> Plan {
+        let codes = match self.recipe {
+            Recipe::Paper => self.codes,
+            _ => [GROUP_CODES; 2],
+        }
+        .map(|default| codes.unwrap_or(default));
+        Plan { codes, pairs: self.pairs.min((GROUP_PAIRS / members.max(1)).max(self.batch)), ..self }
     }
 
     /// The grids of ωi and ωo.
@@ -136,13 +203,18 @@ impl Plan {
             false => Err(Error::Plan { name, found, expected }),
         };
         self.grids()?;
+        self.surface_grid()?;
         let between = |count: usize, least: usize, most: usize| (least..=most).contains(&count);
         check("--features", between(self.features, 1, 32), self.features.to_string(), "1 to 32")?;
+        let texel = self.surface.map_or(1, |surface| surface.features);
+        check("--texel-features", between(texel, 1, 32), texel.to_string(), "1 to 32")?;
+        let fits = self.surface.is_none() || self.model == Model::NeuBrdf;
+        check("--model", fits, "an NBRDF".to_owned(), "neubrdf, for a material that varies over a texture")?;
         check("--hidden", between(self.hidden, 4, 128), self.hidden.to_string(), "4 to 128")?;
         check("pruned width", between(self.pruned, 4, self.hidden), self.pruned.to_string(), "4 to the width before")?;
         check(
             "--codes",
-            self.codes.iter().all(|codes| between(*codes, 2, MOST_CODES)),
+            self.table_codes().all(|codes| between(codes, 2, MOST_CODES)),
             format!("{:?}", self.codes),
             "2 to 65534",
         )?;

@@ -65,9 +65,24 @@ impl Report {
     }
 
     fn html(&self, path: &Path, comparison: &Comparison, gain: f64, fit: Eval, truth: Eval) -> Result<String, Error> {
+        let section = self.section(path, comparison, gain, fit, truth)?;
+        Ok(format!("{STYLE}<title>{0}</title><h1>{0}</h1>\n{section}", escape(&self.source)))
+    }
+
+    /// What the page `path` says below its heading.
+    ///
+    /// # Errors
+    /// A picture cannot be encoded.
+    pub fn section(
+        &self,
+        path: &Path,
+        comparison: &Comparison,
+        gain: f64,
+        fit: Eval,
+        truth: Eval,
+    ) -> Result<String, Error> {
         let FitErrors { pairs, ball, albedo, worst_albedo } = &self.errors;
-        let mut page = String::from(STYLE);
-        let _ = writeln!(page, "<title>{0}</title><h1>{0}</h1>", escape(&self.source));
+        let mut page = String::new();
         let plan = &self.plan;
         let [n_wi, n_wo] = plan.n_side;
         let _ = writeln!(
@@ -153,13 +168,13 @@ fn recipe_table(recipes: &[RecipeResult]) -> String {
     table + "</table>\n<p>unquantised: the paper's sizes, each grid point with features of its own.</p>\n"
 }
 
-const STYLE: &str = "<!doctype html><meta charset=utf-8>
+pub(super) const STYLE: &str = "<!doctype html><meta charset=utf-8>
 <style>body{font:15px/1.5 sans-serif;max-width:60em;margin:2em auto;padding:0 1em}
 table{border-collapse:collapse}th,td{text-align:left;padding:.2em 1em .2em 0;border-bottom:1px solid #ddd}
 .row{display:flex;flex-wrap:wrap;gap:1em}figure{margin:0}svg{max-width:40em;display:block}</style>
 ";
 
-fn write_text(path: &Path, text: &str) -> Result<(), Error> {
+pub(super) fn write_text(path: &Path, text: &str) -> Result<(), Error> {
     let io_error = |source| crate::image::Error::Io { path: path.to_owned(), source };
     Ok(atomic_write(path, |file| file.write_all(text.as_bytes()).map_err(io_error))?)
 }
@@ -173,7 +188,7 @@ fn png(path: &Path, size: u32, pixels: &[u8]) -> Result<Vec<u8>, Error> {
     Ok(bytes)
 }
 
-fn escape(text: &str) -> String {
+pub(super) fn escape(text: &str) -> String {
     text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;")
 }
 

@@ -1,8 +1,10 @@
 //! From what was trained to what is stored.
 
+use std::sync::Arc;
+
 use super::network::Network;
 use super::table::Table;
-use crate::scene::brdf::{Dense, NO_CODE, Nbrdf, SphereGrid, SphereTable};
+use crate::scene::brdf::{Codebook, Dense, NO_CODE, Nbrdf, SphereGrid, SphereTable, SurfaceGrid, SurfaceTable};
 
 /// The layers as files hold them.
 pub fn layers(network: &Network) -> Vec<Dense> {
@@ -37,26 +39,56 @@ pub fn network_of(layers: &[Dense]) -> Network {
     network
 }
 
-/// A table as files hold it: pixels that no pair lies in merged (`seen` tells the others), codes that no point names left out.
-pub fn sphere_table(table: &Table, grid: SphereGrid, seen: &[bool]) -> SphereTable {
-    let features = table.features;
-    let mut result = whole_table(grid);
-    // Codes that points of their own name may be more than files can number; after pruning few are left.
-    result.features = features as u32;
-    let kept = kept_points(grid, seen);
-    let mut number = vec![None; table.codes.len() / features];
+/// A hemisphere's points as they were trained.
+pub struct TrainedPoints<'a> {
+    /// Their codes.
+    pub table: &'a Table,
+    /// Where they are.
+    pub grid: SphereGrid,
+    /// Which pixels pairs lie in.
+    pub seen: &'a [bool],
+}
+
+/// Tables as files hold them, of trained ones with equal codes: these they share. Pixels that no pair lies in are merged, and codes
+/// that no point names left out.
+pub fn sphere_tables(trained: &[TrainedPoints]) -> Vec<SphereTable> {
+    let Some(TrainedPoints { table: Table { features, codes: all, .. }, .. }) = trained.first() else {
+        return Vec::new();
+    };
+    let mut number = vec![None; all.len() / features];
     let mut codes = Vec::new();
-    for (point, index) in result.indices.iter_mut().enumerate().filter(|(point, _)| kept[*point]) {
-        let code = table.indices[point] as usize;
-        let next = codes.len() / features;
-        *index = *number[code].get_or_insert_with(|| {
-            codes.extend(&table.codes[code * features..][..features]);
-            next.min(usize::from(NO_CODE) - 1) as u16
-        });
+    let numbered = |TrainedPoints { table, grid, seen }: &TrainedPoints| {
+        let mut result = whole_table(*grid);
+        let kept = kept_points(*grid, seen);
+        for (point, index) in result.indices.iter_mut().enumerate().filter(|(point, _)| kept[*point]) {
+            let code = table.indices[point] as usize;
+            let next = codes.len() / features;
+            *index = *number[code].get_or_insert_with(|| {
+                codes.extend(&all[code * features..][..*features]);
+                // Codes that points of their own name may be more than files can number; after pruning few are left.
+                next.min(usize::from(NO_CODE) - 1) as u16
+            });
+        }
+        result.prune(|pixel| seen[pixel as usize]);
+        result
+    };
+    let tables: Vec<SphereTable> = trained.iter().map(numbered).collect();
+    let codebook = Arc::new(Codebook { features: *features as u32, codes });
+    tables.into_iter().map(|table| SphereTable { codebook: codebook.clone(), ..table }).collect()
+}
+
+/// A table of texels as files hold it. Codes that no texel names, of a codebook smaller than the number of texels, stay.
+pub fn surface_table(table: &Table, grid: SurfaceGrid) -> SurfaceTable {
+    // Features of texels' own may be more than files can number, before they are given codes.
+    let codes = (table.codes.len() / table.features).min(usize::from(NO_CODE) - 1);
+    SurfaceTable {
+        grid,
+        codebook: Arc::new(Codebook {
+            features: table.features as u32,
+            codes: table.codes[..codes * table.features].to_vec(),
+        }),
+        indices: table.indices.iter().map(|index| (*index as usize).min(codes - 1) as u16).collect(),
     }
-    result.codes = codes;
-    result.prune(|pixel| seen[pixel as usize]);
-    result
 }
 
 /// The corners of pixels that pairs lie in.
@@ -70,7 +102,8 @@ fn kept_points(grid: SphereGrid, seen: &[bool]) -> Vec<bool> {
 
 /// A grid in which each point counts, before it has codes.
 pub fn whole_table(grid: SphereGrid) -> SphereTable {
-    SphereTable { grid, features: 1, codes: Vec::new(), indices: vec![0; grid.point_count()], levels: Vec::new() }
+    let codebook = Arc::new(Codebook { features: 1, codes: Vec::new() });
+    SphereTable { grid, codebook, indices: vec![0; grid.point_count()], levels: Vec::new() }
 }
 
 /// The network of an NBRDF, if it is one.

@@ -11,12 +11,12 @@ use super::pairs::{GroundTruth, Pair};
 use super::plan::{Model, Plan, Recipe};
 use super::prune::prune_neurons;
 use super::random::Random;
-use super::result::{layers, nbrdf, sphere_table, whole_table};
+use super::result::{TrainedPoints, layers, nbrdf, sphere_tables, surface_table, whole_table};
 use super::table::{Quantiser, Table};
-use super::trainer::{Head, Inputs, Loss, Pool, Rates, Trainer, Weighs};
+use super::trainer::{Head, Inputs, Loss, Places, Pool, Rates, Trainer, Weighs};
 use super::{Error, Evaluator};
 use crate::material::fit_lobe;
-use crate::scene::brdf::{Encoding, Nbrdf, NeuBrdf, Provenance, SphereGrid};
+use crate::scene::brdf::{Encoding, Nbrdf, NeuBrdf, Provenance, SphereGrid, SphereTable, SurfaceGrid};
 use crate::scene::{HalfDifference, SamplingLobe};
 
 /// Share of the steps after which points are given codes: the features have settled, and the rest of the steps fits codes.
@@ -42,7 +42,7 @@ const SPARSITY: f32 = 1e-5;
 
 /// Random streams of a seed; pairs take those from 0, epochs their own seed.
 const START: u64 = 1 << 40;
-const QUANTISE: u64 = 2 << 40;
+pub(super) const QUANTISE: u64 = 2 << 40;
 
 /// A model while it is trained, and all that continuing takes.
 pub struct Session {
@@ -53,8 +53,9 @@ pub struct Session {
     is_isotropic: bool,
     encoding: Encoding,
     grids: [SphereGrid; 2],
+    texels: Option<SurfaceGrid>,
     /// Points of each hemisphere that the pairs need.
-    used: [Vec<bool>; 2],
+    pub(super) used: [Vec<bool>; 2],
     /// Pixels of each hemisphere that pairs lie in.
     seen: [Vec<bool>; 2],
     pub(super) loss: f64,
@@ -69,9 +70,9 @@ impl Session {
     /// The plan is beyond what is possible, or there is nothing to learn from.
     pub fn new(plan: Plan, truth: &GroundTruth) -> Result<Session, Error> {
         plan.validate()?;
-        let pairs = truth.pairs(plan.pairs, plan.seed);
+        let (grids, texels) = (plan.grids()?, plan.surface_grid()?);
+        let pairs = truth.pairs(plan.pairs, plan.seed, texels);
         let is_isotropic = truth.is_isotropic();
-        let grids = plan.grids()?;
         let encoding = encoding(&pairs).ok_or(Error::Empty)?;
         // Shards take whole blocks: few samples are taken several times over.
         let count = pairs.len().max(plan.batch).next_multiple_of(plan.batch);
@@ -83,10 +84,15 @@ impl Session {
             Model::Nbrdf => direct_inputs(&pairs, is_isotropic),
             Model::NeuBrdf => corner_inputs(&plan, grids, is_isotropic, &pairs, &mut used, &mut seen),
         };
-        let pool = Pool { targets: pairs.iter().map(|pair| target(pair, encoding, plan.recipe)).collect(), inputs };
-        let (network, tables, head) = start(&plan, grids, encoding);
+        let place = |pair: &Pair| [pair.uv.x, pair.uv.y, pair.area];
+        let pool = Pool {
+            targets: pairs.iter().map(|pair| target(pair, encoding, plan.recipe)).collect(),
+            inputs,
+            places: texels.map(|grid| Places { grid, at: pairs.iter().map(place).collect() }),
+        };
+        let (network, tables, head) = start(&plan, grids, texels, encoding);
         let trainer = Trainer::new(network, tables, head, pool, plan.seed);
-        Ok(Session { plan, trainer, is_isotropic, encoding, grids, used, seen, loss: f64::NAN, end: None })
+        Ok(Session { plan, trainer, is_isotropic, encoding, grids, texels, used, seen, loss: f64::NAN, end: None })
     }
 
     /// Whether all steps are done.
@@ -111,22 +117,33 @@ impl Session {
 
     /// Takes a step.
     pub fn step(&mut self) {
-        self.change_phase();
+        if self.is_time_to_quantise() {
+            self.quantise();
+        }
+        self.prune_in_time();
         let rates = self.rates();
         let loss = self.trainer.train(self.plan.batch, rates);
-        self.loss = if self.loss.is_finite() { self.loss + 0.01 * (loss - self.loss) } else { loss };
+        self.note_loss(loss);
     }
 
-    /// What happens once, between two steps.
-    fn change_phase(&mut self) {
-        match self.plan.recipe {
-            _ if self.plan.model == Model::Nbrdf => {}
-            Recipe::Default if self.trainer.step == self.step_at(QUANTISE_AT) => self.quantise(),
-            Recipe::Paper if self.trainer.step == self.step_at(PRUNE_AT) && self.plan.pruned < self.plan.hidden => {
-                self.trainer.replace_network(prune_neurons(&self.trainer.network, self.plan.pruned));
-            }
-            _ => {}
+    /// Whether points are to be given codes before the next step.
+    pub(super) fn is_time_to_quantise(&self) -> bool {
+        let Plan { model, recipe, .. } = self.plan;
+        model == Model::NeuBrdf && recipe == Recipe::Default && self.trainer.step == self.step_at(QUANTISE_AT)
+    }
+
+    /// Prunes the network, if that is due before the next step.
+    pub(super) fn prune_in_time(&mut self) {
+        let Plan { model, recipe, pruned, hidden, .. } = self.plan;
+        let prunes = model == Model::NeuBrdf && recipe == Recipe::Paper && pruned < hidden;
+        if prunes && self.trainer.step == self.step_at(PRUNE_AT) {
+            self.trainer.replace_network(prune_neurons(&self.trainer.network, pruned));
         }
+    }
+
+    /// Adds the loss of a step to the average.
+    pub(super) fn note_loss(&mut self, loss: f64) {
+        self.loss = if self.loss.is_finite() { self.loss + 0.01 * (loss - self.loss) } else { loss };
     }
 
     /// Gives points codes, unless they have them or there are enough for each to have its own.
@@ -135,7 +152,9 @@ impl Session {
             return;
         }
         let mut random = Random::new(self.plan.seed, QUANTISE);
-        for ((table, used), codes) in self.trainer.tables.iter_mut().zip(&self.used).zip(self.plan.codes) {
+        let all_texels = vec![true; self.texels.map_or(0, |grid| grid.point_count())];
+        let used = self.used.iter().chain([&all_texels]);
+        for ((table, used), codes) in self.trainer.tables.iter_mut().zip(used).zip(self.plan.table_codes()) {
             if table.quantiser == Quantiser::Free {
                 table.quantise(codes, used, &mut random);
             }
@@ -146,7 +165,7 @@ impl Session {
         (share * self.plan.steps as f32) as u32
     }
 
-    fn rates(&self) -> Rates {
+    pub(super) fn rates(&self) -> Rates {
         let Plan { recipe, network_rate, table_rate, steps, .. } = self.plan;
         let at = self.trainer.step as f32 / steps as f32;
         let warm = ((self.trainer.step as f32 + 1.0) / WARM_UP).min(1.0);
@@ -199,9 +218,9 @@ impl Session {
 
     /// Gives the model the sizes that it has somewhere on the way; `None` if it never has.
     pub(super) fn shape(&mut self, widths: &[usize], codes: &[Option<usize>]) -> Option<()> {
-        let Plan { features, pruned, .. } = self.plan;
+        let Plan { pruned, .. } = self.plan;
         if widths != self.trainer.network.widths() {
-            if self.plan.recipe != Recipe::Paper || widths != [2 * features, pruned, pruned, pruned, 3] {
+            if self.plan.recipe != Recipe::Paper || widths != [self.plan.inputs(), pruned, pruned, pruned, 3] {
                 return None;
             }
             self.trainer.replace_network(Network::zeros(widths));
@@ -209,9 +228,9 @@ impl Session {
         if codes.len() != self.trainer.tables.len() {
             return None;
         }
-        for ((table, codes), most) in self.trainer.tables.iter_mut().zip(codes).zip(self.plan.codes) {
+        for ((table, codes), most) in self.trainer.tables.iter_mut().zip(codes).zip(self.plan.table_codes()) {
             if let Some(codes) = *codes {
-                if self.plan.recipe != Recipe::Default || codes != most {
+                if self.plan.recipe != Recipe::Default || codes == 0 || codes > most {
                     return None;
                 }
                 table.start_nearest(codes);
@@ -222,25 +241,35 @@ impl Session {
 
     /// The NeuBRDF as it is now, with the lobe that samples it; `None` if it is none.
     pub fn neubrdf(&self) -> Option<NeuBrdf> {
-        let mut brdf = self.unsampled()?;
-        brdf.lobe = fit_lobe(brdf.is_isotropic, &|wo, wi| brdf.eval(wo, wi));
-        Some(brdf)
+        self.unsampled().map(sampled)
     }
 
     /// The same with no lobe but the hemisphere's.
     fn unsampled(&self) -> Option<NeuBrdf> {
-        let Trainer { network, tables, .. } = &self.trainer;
-        let [wi, wo] = tables.as_slice() else { return None };
-        Some(NeuBrdf {
+        let [wi, wo] = [0, 1].map(|side| sphere_tables(&[self.trained_points(side)?]).pop());
+        Some(self.with_tables(wi?, wo?))
+    }
+
+    /// What a table is made of, ωi's or ωo's; `None` if the model has none.
+    pub(super) fn trained_points(&self, side: usize) -> Option<TrainedPoints<'_>> {
+        let table = self.trainer.tables.get(side)?;
+        Some(TrainedPoints { table, grid: self.grids[side], seen: &self.seen[side] })
+    }
+
+    /// The NeuBRDF of these tables, with no lobe but the hemisphere's.
+    pub(super) fn with_tables(&self, wi: SphereTable, wo: SphereTable) -> NeuBrdf {
+        let places = self.trainer.tables.get(2).zip(self.texels);
+        NeuBrdf {
             is_isotropic: self.is_isotropic,
             corner_weights: self.plan.corner_weights,
-            wi: sphere_table(wi, self.grids[0], &self.seen[0]),
-            wo: sphere_table(wo, self.grids[1], &self.seen[1]),
-            layers: layers(network),
+            wi,
+            wo,
+            surface: places.map(|(table, grid)| surface_table(table, grid)),
+            layers: layers(&self.trainer.network),
             encoding: self.encoding,
             lobe: SamplingLobe::COSINE,
             provenance: Provenance::default(),
-        })
+        }
     }
 
     /// The NBRDF as it is now; `None` if it is none, or not isotropic, which published ones are.
@@ -257,25 +286,35 @@ impl Session {
     }
 }
 
+/// A NeuBRDF with the lobe that samples it.
+pub(super) fn sampled(mut brdf: NeuBrdf) -> NeuBrdf {
+    brdf.lobe = fit_lobe(brdf.is_isotropic, &|wo, wi| brdf.eval(wo, wi));
+    brdf
+}
+
 /// A network and tables before their first step.
-fn start(plan: &Plan, grids: [SphereGrid; 2], encoding: Encoding) -> (Network, Vec<Table>, Head) {
+fn start(
+    plan: &Plan,
+    grids: [SphereGrid; 2],
+    texels: Option<SurfaceGrid>,
+    encoding: Encoding,
+) -> (Network, Vec<Table>, Head) {
     let random = &mut Random::new(plan.seed, START);
     let Encoding { gain, scale, .. } = encoding;
     let Plan { features, hidden, codes, .. } = *plan;
-    match plan.model {
-        Model::Nbrdf => (Network::random(&[6, 21, 21, 3], random), Vec::new(), Head::LogPlusOne { gain, scale }),
-        Model::NeuBrdf => {
-            let network = Network::random(&[2 * features, hidden, hidden, hidden, 3], random);
-            let tables = [0, 1].map(|side| {
-                let points = grids[side].point_count();
-                match plan.recipe {
-                    Recipe::Paper => Table::softmax(points, features, codes[side], random),
-                    Recipe::Default | Recipe::Unquantised => Table::free(points, features, random),
-                }
-            });
-            (network, tables.into(), Head::Encoded)
-        }
+    if plan.model == Model::Nbrdf {
+        return (Network::random(&[6, 21, 21, 3], random), Vec::new(), Head::LogPlusOne { gain, scale });
     }
+    let network = Network::random(&[plan.inputs(), hidden, hidden, hidden, 3], random);
+    let mut table = |points, features, codes| match plan.recipe {
+        Recipe::Paper => Table::softmax(points, features, codes, random),
+        Recipe::Default | Recipe::Unquantised => Table::free(points, features, random),
+    };
+    let mut tables: Vec<Table> =
+        grids.iter().zip(codes).map(|(grid, codes)| table(grid.point_count(), features, codes)).collect();
+    let places = texels.zip(plan.surface);
+    tables.extend(places.map(|(grid, surface)| table(grid.point_count(), surface.features, surface.codes)));
+    (network, tables, Head::Encoded)
 }
 
 /// Half and difference vectors; the azimuth of the half vector is left out where nothing depends on it.

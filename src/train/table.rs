@@ -94,38 +94,22 @@ impl Table {
 
     /// From features of their own to a codebook of `codes` codes, found by k-means over the points that `is_used` tells.
     pub fn quantise(&mut self, codes: usize, is_used: &[bool], random: &mut Random) {
-        let used: Vec<u32> = (0..self.point_count() as u32).filter(|point| is_used[*point as usize]).collect();
-        if used.len() <= codes {
-            return;
+        let points = self.used_rows(is_used);
+        if points.len() / self.features > codes {
+            self.quantise_to(k_means(&points, self.features, codes, random));
         }
-        let features = self.features;
-        let chosen = random.permutation(used.len());
-        let free = self.rows.clone();
-        let row = |point: u32| &free[point as usize * features..][..features];
-        self.codes = chosen[..codes].iter().flat_map(|i| row(used[*i as usize]).to_vec()).collect();
-        let points: Vec<f32> = used.iter().flat_map(|point| row(*point)).copied().collect();
-        for _ in 0..K_MEANS_ROUNDS {
-            let mut sums = vec![0.0; codes * features];
-            let mut counts = vec![0.0f32; codes];
-            for (code, point) in nearest(&self.codes, features, &points).into_iter().zip(points.chunks_exact(features))
-            {
-                let code = code as usize;
-                counts[code] += 1.0;
-                sums[code * features..][..features].iter_mut().zip(point).for_each(|(sum, value)| *sum += value);
-            }
-            for (code, count) in counts.iter().enumerate() {
-                let center = &mut self.codes[code * features..][..features];
-                if *count > 0.0 {
-                    center.iter_mut().zip(&sums[code * features..]).for_each(|(center, sum)| *center = sum / count);
-                } else {
-                    // A code that nothing is near to moves to some point.
-                    center.copy_from_slice(row(used[random.below(used.len())]));
-                }
-            }
-        }
-        let codes_found = std::mem::take(&mut self.codes);
-        self.start_nearest(codes);
-        self.codes = codes_found;
+    }
+
+    /// The features of these points, one after another.
+    pub fn used_rows(&self, is_used: &[bool]) -> Vec<f32> {
+        let used = self.rows.chunks_exact(self.features).zip(is_used).filter(|(_, is_used)| **is_used);
+        used.flat_map(|(row, _)| row).copied().collect()
+    }
+
+    /// From features of their own to this codebook.
+    pub fn quantise_to(&mut self, codes: Vec<f32>) {
+        self.start_nearest(codes.len() / self.features);
+        self.codes = codes;
         self.assign();
     }
 
@@ -177,12 +161,16 @@ impl Table {
     /// Moves what is learned against `gradient`, the loss's derivatives by [`Table::rows`]; `touched` are the points
     /// whose rows a batch used.
     pub fn step(&mut self, gradient: &[f32], touched: &[u32], at: TableStep) {
+        let to_codes = self.step_points(gradient, touched, at);
+        self.step_codes(&to_codes, at);
+        self.settle(at);
+    }
+
+    /// Moves what points have of their own. Returns the derivatives by the codes, which [`Table::step_codes`] moves.
+    pub fn step_points(&mut self, gradient: &[f32], touched: &[u32], at: TableStep) -> Vec<f32> {
         let features = self.features;
         match &mut self.quantiser {
-            Quantiser::Free => {
-                self.adam.step(0, &mut self.codes, gradient, at.rate, at.step);
-                self.rows.copy_from_slice(&self.codes);
-            }
+            Quantiser::Free => gradient.to_vec(),
             Quantiser::Nearest { free, adam } => {
                 let mut to_codes = vec![0.0; self.codes.len()];
                 let mut to_free = gradient.to_vec();
@@ -196,13 +184,8 @@ impl Table {
                     let to = &mut to_free[start..start + features];
                     add_commitment(strength, &free[start..start + features], &self.codes[code..], to);
                 }
-                self.adam.step(0, &mut self.codes, &to_codes, at.rate, at.step);
                 adam.step(0, free, &to_free, at.rate, at.step);
-                if at.step.is_multiple_of(ASSIGN_INTERVAL) {
-                    self.assign();
-                } else {
-                    self.look_up();
-                }
+                to_codes
             }
             Quantiser::Softmax { scores, adam } => {
                 let codes = self.codes.len() / features;
@@ -216,11 +199,53 @@ impl Table {
                     adam.step(start, scores, &to_scores, at.rate, at.step);
                     self.indices[*point as usize] = highest(&scores[start..start + codes]) as u32;
                 }
-                self.adam.step(0, &mut self.codes, &to_codes, at.rate, at.step);
-                self.look_up();
+                to_codes
             }
         }
     }
+
+    /// Moves the codes against their derivatives.
+    pub fn step_codes(&mut self, to_codes: &[f32], at: TableStep) {
+        self.adam.step(0, &mut self.codes, to_codes, at.rate, at.step);
+    }
+
+    /// Gives points the features of their codes after these moved, and every few steps the codes that are now the nearest.
+    pub fn settle(&mut self, at: TableStep) {
+        let is_nearest = matches!(self.quantiser, Quantiser::Nearest { .. });
+        if self.quantiser == Quantiser::Free || is_nearest && at.step.is_multiple_of(ASSIGN_INTERVAL) {
+            self.assign();
+        } else {
+            self.look_up();
+        }
+    }
+}
+
+/// `codes` centres of `points`, of so many features each: fewer where there are fewer points.
+pub fn k_means(points: &[f32], features: usize, codes: usize, random: &mut Random) -> Vec<f32> {
+    let count = points.len() / features;
+    let codes = codes.min(count);
+    let row = |point: usize| &points[point * features..][..features];
+    let chosen = random.permutation(count);
+    let mut centers: Vec<f32> = chosen[..codes].iter().flat_map(|i| row(*i as usize)).copied().collect();
+    for _ in 0..K_MEANS_ROUNDS {
+        let mut sums = vec![0.0; codes * features];
+        let mut counts = vec![0.0f32; codes];
+        for (code, point) in nearest(&centers, features, points).into_iter().zip(points.chunks_exact(features)) {
+            let code = code as usize;
+            counts[code] += 1.0;
+            sums[code * features..][..features].iter_mut().zip(point).for_each(|(sum, value)| *sum += value);
+        }
+        for (code, count_here) in counts.iter().enumerate() {
+            let center = &mut centers[code * features..][..features];
+            if *count_here > 0.0 {
+                center.iter_mut().zip(&sums[code * features..]).for_each(|(center, sum)| *center = sum / count_here);
+            } else {
+                // A code that nothing is near to moves to some point.
+                center.copy_from_slice(row(random.below(count)));
+            }
+        }
+    }
+    centers
 }
 
 const K_MEANS_ROUNDS: usize = 20;

@@ -3,14 +3,17 @@
 //! A batch is cut into the same shards whatever the number of threads, and their gradients are added in order: a seed gives the
 //! same bits again on the same machine.
 
+use std::ops::Range;
+
 use rayon::prelude::*;
 
 use super::adam::Adam;
-use super::gather::{Corners, Rows, gather_features};
+use super::gather::{Corners, Rows, Texels, gather_features};
 use super::network::{Network, Shard};
 use super::product::padded;
 use super::random::Random;
 use super::table::{Quantiser, Table, TableStep};
+use crate::scene::brdf::{Footprint, SurfaceGrid};
 
 /// What the network sees of the pairs to learn from.
 pub enum Inputs {
@@ -20,10 +23,27 @@ pub enum Inputs {
     Direct(Vec<f32>),
 }
 
+/// Where on a texture pairs are.
+pub struct Places {
+    /// Its texels.
+    pub grid: SurfaceGrid,
+    /// u, v, and the area of the footprint.
+    pub at: Vec<[f32; 3]>,
+}
+
+impl Places {
+    fn texels(&self, pair: usize) -> Texels {
+        let [u, v, area] = self.at[pair].map(f64::from);
+        Texels::of(&self.grid, Footprint { uv: [u, v].into(), area })
+    }
+}
+
 /// The pairs to learn from as steps need them.
 pub struct Pool {
     /// What goes in.
     pub inputs: Inputs,
+    /// And of materials that vary, where.
+    pub places: Option<Places>,
     /// What should come out, and the weight of the pair in the loss.
     pub targets: Vec<[f32; 4]>,
 }
@@ -99,7 +119,7 @@ pub struct Trainer {
     pub network: Network,
     /// Their moments.
     pub adam: Adam,
-    /// Features of ωi and ωo; empty for a network on direct inputs.
+    /// Features of ωi, of ωo, and of the place where there is one; empty for a network on direct inputs.
     pub tables: Vec<Table>,
     /// What outputs stand for.
     pub head: Head,
@@ -155,6 +175,23 @@ impl Trainer {
 
     /// One step over `batch` pairs (a multiple of 256). Returns their mean loss.
     pub fn train(&mut self, batch: usize, rates: Rates) -> f64 {
+        let loss = self.find_gradients(batch, rates);
+        let at = self.table_step(rates);
+        let (network, adam, sum) = (&mut self.network, &mut self.adam, &self.sum);
+        let update_network = || adam.step(0, &mut network.parameters, sum, rates.network, at.step);
+        let (tables, scatters) = (&mut self.tables, &self.scatters);
+        let update_tables = || {
+            if rates.tables > 0.0 {
+                let both = tables.par_iter_mut().zip(scatters);
+                both.for_each(|(table, scatter)| table.step(&scatter.gradient, &scatter.touched, at));
+            }
+        };
+        rayon::join(update_network, update_tables);
+        loss
+    }
+
+    /// The gradients of a step over `batch` pairs, which counts as done. Returns the mean loss.
+    pub fn find_gradients(&mut self, batch: usize, rates: Rates) -> f64 {
         let shard_count = batch / SHARD;
         let blocks = self.blocks(batch / BLOCK);
         if self.shards.len() != shard_count || self.shards[0].gradient.len() != self.network.parameters.len() {
@@ -173,30 +210,62 @@ impl Trainer {
         });
         self.step += 1;
         self.adam_step += 1;
-        let step = self.adam_step;
-        let Trainer { network, adam, tables, pool, shards, scatters, sum, .. } = self;
+        let Trainer { network, tables, pool, shards, scatters, sum, .. } = self;
         let shards = &*shards;
-        let update_network = || {
+        let add_shards = || {
             sum.clear();
             sum.extend(network.parameters.iter().map(|parameter| rates.sparsity * parameter.signum()));
             for shard in shards {
                 sum.iter_mut().zip(&shard.gradient).for_each(|(sum, value)| *sum += value);
             }
-            adam.step(0, &mut network.parameters, sum, rates.network, step);
         };
-        let update_tables = || {
+        let scatter = || {
             let Inputs::Corners(corners) = &pool.inputs else { return };
             if rates.tables == 0.0 {
                 return;
             }
-            let at = TableStep { step, rate: rates.tables, temperature: rates.temperature };
-            tables.par_iter_mut().zip(scatters).enumerate().for_each(|(side, (table, scatter))| {
-                scatter.add(table.features, side, corners, &blocks, shards);
-                table.step(&scatter.gradient, &scatter.touched, at);
+            let mut end = 0;
+            let columns = tables.iter().map(|table| {
+                end += table.features;
+                end - table.features..end
+            });
+            let columns: Vec<Range<usize>> = columns.collect();
+            scatters.par_iter_mut().zip(columns).enumerate().for_each(|(side, (scatter, columns))| {
+                match (&pool.places, side) {
+                    (Some(places), 2) => scatter.add(columns, &blocks, shards, |pair| {
+                        let Texels { points, weights } = places.texels(pair);
+                        (points, weights)
+                    }),
+                    _ => scatter.add(columns, &blocks, shards, |pair| {
+                        let Corners { points, weights } = corners[pair][side];
+                        (points, weights)
+                    }),
+                }
             });
         };
-        rayon::join(update_network, update_tables);
+        rayon::join(add_shards, scatter);
         shards.iter().map(|shard| shard.loss).sum::<f64>() / (3 * batch) as f64
+    }
+
+    /// What the last gradients do to tables.
+    pub fn table_step(&self, rates: Rates) -> TableStep {
+        TableStep { step: self.adam_step, rate: rates.tables, temperature: rates.temperature }
+    }
+
+    /// Moves the network's parameters against a gradient.
+    pub fn step_network(&mut self, gradient: &[f32], rates: Rates) {
+        self.adam.step(0, &mut self.network.parameters, gradient, rates.network, self.adam_step);
+    }
+
+    /// The last gradient of the network's parameters.
+    pub fn network_gradient(&self) -> &[f32] {
+        &self.sum
+    }
+
+    /// The tables, each with the last gradient of its rows and the points that it touched.
+    pub fn tables_and_gradients(&mut self) -> impl Iterator<Item = (&mut Table, &[f32], &[u32])> {
+        let both = self.tables.iter_mut().zip(&self.scatters);
+        both.map(|(table, scatter)| (table, &scatter.gradient[..], &scatter.touched[..]))
     }
 
     /// Goes on with another network, of whose parameters nothing is known yet.
@@ -259,7 +328,10 @@ fn gather(pool: &Pool, tables: &[Rows], blocks: &[u32], shard: &mut Shard) {
     for (pair, row) in pairs_of(blocks).zip(shard.inputs().chunks_exact_mut(padded(width))) {
         match &pool.inputs {
             Inputs::Direct(numbers) => row[..width].copy_from_slice(&numbers[pair * width..][..width]),
-            Inputs::Corners(corners) => gather_features(tables, &corners[pair], row),
+            Inputs::Corners(corners) => {
+                let texels = pool.places.as_ref().map(|places| places.texels(pair));
+                gather_features(tables, &corners[pair], texels.as_ref(), row);
+            }
         }
     }
 }
@@ -327,17 +399,25 @@ impl Head {
 }
 
 impl Scatter {
-    /// The gradient of a table's rows from that of the features of a batch, pair by pair.
-    fn add(&mut self, features: usize, side: usize, corners: &[[Corners; 2]], blocks: &[u32], shards: &[Shard]) {
+    /// The gradient of a table's rows from that of the features of a batch, which are those columns of the inputs, pair by pair; `at` tells
+    /// a pair's points and weights.
+    fn add<const N: usize>(
+        &mut self,
+        columns: Range<usize>,
+        blocks: &[u32],
+        shards: &[Shard],
+        at: impl Fn(usize) -> ([u32; N], [f32; N]),
+    ) {
+        let features = columns.len();
         self.gradient.fill(0.0);
         self.is_touched.fill(false);
         self.touched.clear();
         for (shard, blocks) in shards.iter().zip(blocks.chunks(SHARD / BLOCK)) {
             let stride = shard.input_gradient().len() / SHARD;
             for (row, pair) in shard.input_gradient().chunks_exact(stride).zip(pairs_of(blocks)) {
-                let row = &row[side * features..][..features];
-                let at = &corners[pair][side];
-                for (point, weight) in at.points.into_iter().zip(at.weights) {
+                let row = &row[columns.clone()];
+                let (points, weights) = at(pair);
+                for (point, weight) in points.into_iter().zip(weights) {
                     if weight == 0.0 {
                         continue;
                     }
@@ -419,7 +499,9 @@ mod tests {
                 is_touched: vec![false; points],
                 touched: Vec::new(),
             };
-            scatter.add(features, side, &corners, &blocks, std::slice::from_ref(&shard));
+            scatter.add(side * features..(side + 1) * features, &blocks, std::slice::from_ref(&shard), |pair| {
+                (corners[pair][side].points, corners[pair][side].weights)
+            });
             for point in 0..points {
                 for feature in 0..features {
                     let mut expected = 0.0;

@@ -3,6 +3,7 @@
 use std::path::Path;
 use std::sync::Arc;
 
+use neubrdf::scene::brdf::NeuBrdf;
 use neubrdf::scene::{Brdf, Nbrdf};
 
 use super::random_neubrdf::{Shape, random_neubrdf};
@@ -31,22 +32,30 @@ const PUBLISHED: [(&str, &[&str]); 2] = [
 ];
 
 /// NeuBRDFs of other shapes each, small enough for their definition to be evaluated often, and never close to 0, where a network's
-/// rounding is all that is left of a value.
+/// rounding is all that is left of a value. Two of them share their codebooks.
 pub fn neubrdfs() -> Vec<(String, Arc<Brdf>)> {
     let small = Shape { n_side: 4, features: 4, codes: 60, hidden: &[12, 16, 12], ..Shape::FULL };
     let shapes = [
         ("anisotropic", small),
         ("isotropic", Shape { is_isotropic: true, is_pruned: true, n_side: 16, hidden: &[16, 8], ..small }),
+        ("varying", Shape { surface: Some(([5, 4], 3)), ..small }),
+        ("varying, isotropic", Shape { is_isotropic: true, n_side: 8, surface: Some(([8, 8], 8)), ..small }),
         ("of one pixel size", Shape { n_side: 1, features: 2, hidden: &[7], ..small }),
     ];
-    let make = |(index, (name, shape)): (usize, (&str, Shape))| {
-        let mut model = random_neubrdf(shape, index as u64);
+    // The first two have codes of one seed, and share their codebooks as members of a pack do.
+    let seeds = [0, 0, 2];
+    let mut models: Vec<NeuBrdf> =
+        shapes.iter().zip(seeds).map(|((_, shape), seed)| random_neubrdf(*shape, seed)).collect();
+    let (wi, wo) = (models[0].wi.codebook.clone(), models[0].wo.codebook.clone());
+    assert!(models[1].wi.codebook == wi && models[1].wo.codebook == wo);
+    (models[1].wi.codebook, models[1].wo.codebook) = (wi, wo);
+    let make = |((name, _), mut model): (&(&str, Shape), NeuBrdf)| {
         let last = model.layers.last_mut().unwrap();
         last.weights.iter_mut().for_each(|weight| *weight *= 0.25);
         last.bias = vec![0.75, 1.0, 0.5];
         (format!("NeuBRDF, {name}"), Arc::new(Brdf::NeuBrdf(Box::new(model))))
     };
-    shapes.into_iter().enumerate().map(make).collect()
+    shapes.iter().zip(models).map(make).collect()
 }
 
 /// The networks with their names.

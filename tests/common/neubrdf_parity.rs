@@ -7,7 +7,7 @@
 
 use glam::{DVec3, Vec3};
 use neubrdf::material::turned;
-use neubrdf::scene::brdf::{NeuBrdf, SphereGrid};
+use neubrdf::scene::brdf::{Footprint, NeuBrdf, SphereGrid};
 
 /// How far x may be off.
 pub const TOLERANCE: f64 = 1e-4;
@@ -32,11 +32,11 @@ impl Deviation {
     }
 }
 
-pub fn compare(brdf: &NeuBrdf, wo: [f32; 3], wi: [f32; 3], found: [f32; 3]) -> Deviation {
+pub fn compare(brdf: &NeuBrdf, footprint: Footprint, wo: [f32; 3], wi: [f32; 3], found: [f32; 3]) -> Deviation {
     let encoded = |f: DVec3| (f64::from(brdf.encoding.gain) * f).map(f64::ln_1p);
     let double = |w: [f32; 3]| Vec3::from(w).as_dvec3();
     let found = encoded(double(found));
-    let difference = |wo, wi| (encoded(brdf.eval(wo, wi)) - found).abs().max_element();
+    let difference = |wo, wi| (encoded(brdf.eval_at(footprint, wo, wi)) - found).abs().max_element();
     let inputs = [wo, wi].map(double);
     let mut deviation = Deviation { worst: difference(inputs[0], inputs[1]), pairs: 1, ..Deviation::default() };
     if deviation.worst > TOLERANCE {
@@ -58,12 +58,12 @@ pub fn compare(brdf: &NeuBrdf, wo: [f32; 3], wi: [f32; 3], found: [f32; 3]) -> D
         // Of isotropic models, steps in what directions are turned to.
         let [wo, wi] = if brdf.is_isotropic { turned(inputs[0], inputs[1]) } else { inputs };
         let as_turned = NeuBrdf { is_isotropic: false, ..brdf.clone() };
-        let difference = |wo, wi| (encoded(as_turned.eval(wo, wi)) - found).abs().max_element();
+        let difference = |wo, wi| (encoded(as_turned.eval_at(footprint, wo, wi)) - found).abs().max_element();
         let nearby = places(wo).into_iter().flat_map(|wo| places(wi).map(|wi| difference(wo, wi)));
         deviation.worst = nearby.fold(deviation.worst, f64::min);
         deviation.at_steps = 1;
     }
-    deviation.place = format!("{wo:?} {wi:?}");
+    deviation.place = format!("{footprint:?} {wo:?} {wi:?}");
     deviation
 }
 

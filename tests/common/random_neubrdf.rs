@@ -1,8 +1,11 @@
 //! NeuBRDFs of any shape, made up: what they look like does not matter.
 
+use std::sync::Arc;
+
 use glam::DVec3;
 use neubrdf::scene::brdf::{
-    CornerWeights, Dense, Encoding, NeuBrdf, Provenance, SamplingLobe, SphereGrid, SphereTable,
+    Codebook, CornerWeights, Dense, Encoding, NeuBrdf, NeuBrdfPack, Provenance, SamplingLobe, SphereGrid, SphereTable,
+    SurfaceGrid, SurfaceTable,
 };
 
 /// A stream of uniform numbers.
@@ -45,6 +48,8 @@ pub struct Shape {
     pub hidden: &'static [u32],
     /// Merge what lies beyond the directions that isotropic materials ask for, or a random half.
     pub is_pruned: bool,
+    /// Texels across and down, and their features.
+    pub surface: Option<([u32; 2], u32)>,
 }
 
 impl Shape {
@@ -57,6 +62,7 @@ impl Shape {
         codes: 256,
         hidden: &[64, 64, 64],
         is_pruned: false,
+        surface: None,
     };
 }
 
@@ -81,8 +87,11 @@ pub fn random_neubrdf(shape: Shape, seed: u64) -> NeuBrdf {
             (0..shape.codes).min_by(|a, b| distance(a).total_cmp(&distance(b))).unwrap() as u16
         };
         let indices = (0..grid.point_count()).map(nearest).collect();
-        let mut table = SphereTable { grid, features: shape.features, codes, indices, levels: Vec::new() };
+        let codebook = Arc::new(Codebook { features: shape.features, codes });
+        let mut table = SphereTable { grid, codebook, indices, levels: Vec::new() };
         if shape.is_pruned {
+            // A stream of its own: codes are the same whether or not anything is pruned.
+            let mut random = Stream(seed ^ 0x5eed);
             let seen: std::collections::HashSet<u32> = (0..20_000)
                 .map(|_| random.direction())
                 .filter(|w| if shape.is_isotropic { w.y >= 0.0 } else { w.x * w.y > 0.1 })
@@ -94,7 +103,17 @@ pub fn random_neubrdf(shape: Shape, seed: u64) -> NeuBrdf {
         table
     };
     let (wi, wo) = (table(true), table(false));
-    let mut inputs = 2 * shape.features;
+    let surface = shape.surface.map(|([width, height], features)| {
+        let grid = SurfaceGrid::new(width, height).unwrap();
+        let codes = shape.codes.min(grid.point_count());
+        let codes_of = |count: usize, random: &mut Stream| (0..count).map(|_| half(random.signed())).collect();
+        SurfaceTable {
+            grid,
+            codebook: Arc::new(Codebook { features, codes: codes_of(codes * features as usize, &mut random) }),
+            indices: (0..grid.point_count()).map(|_| random.below(codes) as u16).collect(),
+        }
+    });
+    let mut inputs = 2 * shape.features + shape.surface.map_or(0, |(_, features)| features);
     let mut layers = Vec::new();
     for outputs in shape.hidden.iter().copied().chain([3]) {
         let size = (6.0 / inputs as f32).sqrt() * if outputs == 3 { 0.5 } else { 1.0 };
@@ -108,9 +127,25 @@ pub fn random_neubrdf(shape: Shape, seed: u64) -> NeuBrdf {
         corner_weights: shape.corner_weights,
         wi,
         wo,
+        surface,
         layers,
         encoding: Encoding { gain: 100.0, scale: 2.0, max: 1e5 },
         lobe: SamplingLobe { alpha: [[0.1, 0.2], [0.5, 0.4]], weight: [[0.3, 0.2]; SamplingLobe::NODES] },
         provenance: Provenance { source: "random numbers".into(), ..Provenance::default() },
     }
+}
+
+/// Models of a shape that share their codebooks, `m0`, `m1` …, and where `shares_network` their layers as well.
+#[allow(dead_code)] // not every user has packs
+pub fn random_pack(shape: Shape, count: usize, shares_network: bool) -> NeuBrdfPack {
+    let mut materials: Vec<NeuBrdf> = (0..count).map(|seed| random_neubrdf(shape, seed as u64)).collect();
+    let NeuBrdf { wi, wo, layers, .. } = materials[0].clone();
+    for member in &mut materials {
+        (member.wi.codebook, member.wo.codebook) = (wi.codebook.clone(), wo.codebook.clone());
+        if shares_network {
+            member.layers.clone_from(&layers);
+        }
+    }
+    let named = |(index, member)| (format!("m{index}"), member);
+    NeuBrdfPack { materials: materials.into_iter().enumerate().map(named).collect() }
 }

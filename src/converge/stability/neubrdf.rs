@@ -7,7 +7,7 @@ use glam::{DVec3, Quat, Vec2, Vec3};
 use super::build::*;
 use super::{Case, Expected, Trial};
 use crate::scene::brdf::{
-    CornerWeights, Dense, Encoding, NeuBrdf, Precision, Provenance, SamplingLobe, SphereGrid, SphereTable,
+    Codebook, CornerWeights, Dense, Encoding, NeuBrdf, Precision, Provenance, SamplingLobe, SphereGrid, SphereTable,
 };
 use crate::scene::{Brdf, Environment, Instance, Mesh, Scene, Sun, Surface};
 
@@ -184,8 +184,10 @@ fn model(layers: Vec<Dense>, lobe: SamplingLobe) -> NeuBrdf {
         };
         SphereTable {
             grid,
-            features: 2,
-            codes: (0..grid.point_count()).flat_map(coordinates).collect(),
+            codebook: Arc::new(Codebook {
+                features: 2,
+                codes: (0..grid.point_count()).flat_map(coordinates).collect(),
+            }),
             indices: (0..grid.point_count() as u16).collect(),
             levels: Vec::new(),
         }
@@ -195,6 +197,7 @@ fn model(layers: Vec<Dense>, lobe: SamplingLobe) -> NeuBrdf {
         corner_weights: CornerWeights::Bilinear,
         wi: table(),
         wo: table(),
+        surface: None,
         layers,
         encoding: Encoding { gain: GAIN, scale: SCALE, max: 1e5 },
         lobe,

@@ -6,29 +6,34 @@ mod nbrdf;
 mod neubrdf;
 mod neubrdf_check;
 mod neubrdf_file;
+mod neubrdf_file_1;
+mod neubrdf_payload;
 mod npy;
 mod rgl;
 mod safetensors;
 mod sampling_lobe;
 mod sparse;
 mod sphere_grid;
+mod surface_table;
 mod tensor_file;
 
 use std::path::Path;
 
-use super::error::{Error, Place, quote};
+use super::error::{Error, Place, nearest, quote};
 use super::hash::put;
 
 pub use half_difference::HalfDifference;
 pub use merl::Merl;
 pub use nbrdf::Nbrdf;
-pub use neubrdf::{CornerWeights, Dense, Encoding, Gathered, NO_CODE, NeuBrdf, Provenance, SphereTable};
+pub use neubrdf::{Codebook, CornerWeights, Dense, Encoding, Gathered, NO_CODE, NeuBrdf, Provenance, SphereTable};
 pub use neubrdf_check::Flaw;
-pub use neubrdf_file::Precision;
+pub use neubrdf_file::NeuBrdfPack;
+pub use neubrdf_payload::Precision;
 pub use rgl::{Rgl, RglTable, RglTables, RglWarp};
 pub use sampling_lobe::SamplingLobe;
-pub use sparse::{Sparse, SparseSample};
+pub use sparse::{Sparse, SparseSample, SurfaceSamples};
 pub use sphere_grid::{Located, POLE, SphereGrid};
+pub use surface_table::{Footprint, GatheredTexels, SurfaceGrid, SurfaceTable};
 
 /// A BRDF that a file gives.
 #[derive(Clone, Debug, PartialEq)]
@@ -60,9 +65,22 @@ impl Brdf {
         Brdf::load_for(path.as_ref(), name, None)
     }
 
+    /// The names of the materials in a file, by which [`Brdf::load`] picks one; none of a kind of file that holds one without a name.
+    ///
+    /// # Errors
+    /// As of [`Brdf::load`].
+    pub fn names(path: impl AsRef<Path>) -> Result<Vec<String>, Error> {
+        let path = path.as_ref();
+        let names = match ending(path).as_str() {
+            "safetensors" => Nbrdf::names(path)?,
+            "neubrdf" => NeuBrdfPack::load(path)?.materials.into_iter().map(|(name, _)| name).collect(),
+            _ => Vec::new(),
+        };
+        Ok(names.into_iter().filter(|name| !name.is_empty()).collect())
+    }
+
     /// The same, on behalf of a key of a scene file.
     pub(super) fn load_for(path: &Path, name: Option<&str>, needed_by: Option<&Place>) -> Result<Brdf, Error> {
-        let ending = path.extension().map(|ending| ending.to_string_lossy().to_lowercase()).unwrap_or_default();
         let only = |brdf: Brdf| match name {
             Some(name) => {
                 let found = format!("the name {}", quote(name));
@@ -70,15 +88,20 @@ impl Brdf {
             }
             None => Ok(brdf),
         };
-        match ending.as_str() {
+        match ending(path).as_str() {
             "safetensors" => Nbrdf::from_safetensors(path, name, needed_by).map(Brdf::Nbrdf),
-            "neubrdf" => only(Brdf::NeuBrdf(Box::new(NeuBrdf::load_for(path, needed_by)?))),
+            "neubrdf" => NeuBrdf::load_for(path, name, needed_by).map(|brdf| Brdf::NeuBrdf(Box::new(brdf))),
             "npy" => only(Brdf::Nbrdf(Nbrdf::from_npy(path, needed_by)?)),
             "binary" => only(Brdf::Merl(Merl::read(path, needed_by)?)),
             "bsdf" => only(Brdf::Rgl(Rgl::read(path, needed_by)?)),
             "csv" => only(Brdf::Sparse(Sparse::read(path, needed_by)?)),
             _ => Err(Error::unexpected(Place::file(path), "a BRDF of an unknown kind", ENDINGS)),
         }
+    }
+
+    /// Whether its values hang on texture coordinates.
+    pub fn is_spatial(&self) -> bool {
+        matches!(self, Brdf::NeuBrdf(neubrdf) if neubrdf.surface.is_some())
     }
 
     /// Adds all that its values depend on to a fingerprint.
@@ -103,6 +126,31 @@ impl Brdf {
             Brdf::NeuBrdf(neubrdf) => neubrdf.put(hasher),
         }
     }
+}
+
+/// What a file's name ends in, in lower case.
+fn ending(path: &Path) -> String {
+    path.extension().map(|ending| ending.to_string_lossy().to_lowercase()).unwrap_or_default()
+}
+
+/// Which of a file's materials is meant: the one of this name, or the only one. `names` are not empty; a lone material may have none.
+fn picked(path: &Path, name: Option<&str>, names: &[&str]) -> Result<usize, Error> {
+    let place = match name {
+        Some(name) => names.iter().position(|other| *other == name && !name.is_empty()),
+        None => (names.len() == 1).then_some(0),
+    };
+    place.ok_or_else(|| {
+        let found = name.map_or("no name of a material".to_owned(), |name| format!("the name {}", quote(name)));
+        let expected = match names {
+            [] | [""] => "no name: the file holds one material".to_owned(),
+            [only] => format!("{}, the one material in it, or no name", quote(only)),
+            names => {
+                let nearest = nearest(name.unwrap_or_default(), names.iter().copied());
+                format!("the name of one of the {} materials in it, such as {}", names.len(), quote(nearest))
+            }
+        };
+        Error::unexpected(Place::file(path), found, expected)
+    })
 }
 
 /// Little-endian `f32` numbers, all finite.

@@ -4,9 +4,9 @@
 use std::array;
 use std::path::Path;
 
-use super::super::error::{Error, Place, nearest, quote};
-use super::npy;
+use super::super::error::{Error, Place, quote};
 use super::safetensors::Safetensors;
+use super::{npy, picked};
 
 /// A network 6 → 21 → 21 → 3 with ReLU between its layers, from the half vector and the difference vector to
 /// ln(1 + BRDF); `material::Nbrdf` has the formula. Kernels are input × output. All numbers are finite and of magnitude at most
@@ -34,22 +34,19 @@ impl Nbrdf {
     /// Bound of its numbers, so that none in between can exceed what `f32` holds.
     pub const LARGEST_WEIGHT: f32 = 1e6;
 
+    /// The materials of a safetensors file.
+    pub(super) fn names(path: &Path) -> Result<Vec<String>, Error> {
+        Ok(Safetensors::read(path, None)?.prefixes().into_iter().map(str::to_owned).collect())
+    }
+
     pub(super) fn from_safetensors(path: &Path, name: Option<&str>, by: Option<&Place>) -> Result<Nbrdf, Error> {
         let file = Safetensors::read(path, by)?;
-        let names = file.prefixes();
-        let name = match name {
-            Some(name) if names.contains(name) => name,
-            None if names.len() == 1 => names.first().copied().unwrap_or_default(),
-            _ => {
-                let found = name.map_or("no name of a material".to_owned(), |name| format!("the name {}", quote(name)));
-                let nearest = nearest(name.unwrap_or_default(), names.iter().copied());
-                let expected = match names.len() {
-                    0 => "tensors NAME/kernel1, NAME/bias1 …; the file has none".to_owned(),
-                    count => format!("the name of one of the {count} materials in it, such as {}", quote(nearest)),
-                };
-                return Err(Error::unexpected(Place::file(path), found, expected));
-            }
-        };
+        let names: Vec<&str> = file.prefixes().into_iter().collect();
+        if names.is_empty() {
+            let expected = "tensors NAME/kernel1, NAME/bias1 …";
+            return Err(Error::unexpected(Place::file(path), "no tensors of a material", expected));
+        }
+        let name = names[picked(path, name, &names)?];
         Nbrdf::from_tensors(|kind, layer, shape| {
             let tensor = format!("{name}/{kind}{layer}");
             let place = Place { field: Some(quote(&tensor)), ..Place::file(path) };

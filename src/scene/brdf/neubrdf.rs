@@ -2,11 +2,12 @@
 //! Spherically Distributed Primitives*. What it computes is `crate::material`'s; here is what it consists of.
 
 use std::collections::BTreeMap;
+use std::sync::Arc;
 
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
-use super::{Located, SamplingLobe, SphereGrid};
+use super::{Located, SamplingLobe, SphereGrid, SurfaceTable};
 use crate::scene::hash::put;
 
 /// [`SphereTable::indices`] of a point that is a corner of no pixel, since merging made its pixels one.
@@ -22,15 +23,29 @@ pub enum CornerWeights {
     Bilinear,
 }
 
+/// Features that grid points name by number, and tables of several materials can share.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Codebook {
+    /// Features of a code, F.
+    pub features: u32,
+    /// Codes × F.
+    pub codes: Vec<f32>,
+}
+
+impl Codebook {
+    /// How many codes there are.
+    pub fn code_count(&self) -> usize {
+        self.codes.len() / self.features.max(1) as usize
+    }
+}
+
 /// Features over a hemisphere: grid points name codes of a codebook.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SphereTable {
     /// Where its points are.
     pub grid: SphereGrid,
-    /// Features of a code, F.
-    pub features: u32,
-    /// The codebook, codes × F.
-    pub codes: Vec<f32>,
+    /// The codes.
+    pub codebook: Arc<Codebook>,
     /// The code of each grid point, or [`NO_CODE`].
     pub indices: Vec<u16>,
     /// How often each pixel was merged with its siblings ([`SphereGrid::merge`]); empty where none was.
@@ -47,11 +62,6 @@ pub struct Gathered {
 }
 
 impl SphereTable {
-    /// How many codes there are.
-    pub fn code_count(&self) -> usize {
-        self.codes.len() / self.features.max(1) as usize
-    }
-
     /// What the features at a direction are made of.
     pub fn gather(&self, w: DVec3, corner_weights: CornerWeights) -> Gathered {
         let mut level = 0;
@@ -155,7 +165,8 @@ pub struct Provenance {
     pub errors: BTreeMap<String, f64>,
 }
 
-/// A material: value(ωo, ωi) = decode(MLP([features of ωi, features of ωo])).
+/// A material: value(ωo, ωi) = decode(MLP([features of ωi, features of ωo])); of one that varies over a texture, with the features of
+/// the place behind them.
 ///
 /// Isotropic ones are turned about z first, so that ωi has the azimuth 0 and ωo one in [0, π].
 #[derive(Clone, Debug, PartialEq)]
@@ -168,6 +179,8 @@ pub struct NeuBrdf {
     pub wi: SphereTable,
     /// Features of ωo.
     pub wo: SphereTable,
+    /// Features of the place, where the material varies.
+    pub surface: Option<SurfaceTable>,
     /// The network; ReLU after each but the last, which has three outputs.
     pub layers: Vec<Dense>,
     /// What the outputs stand for.
@@ -181,14 +194,20 @@ pub struct NeuBrdf {
 impl NeuBrdf {
     /// Adds all that its values depend on to a fingerprint.
     pub(super) fn put(&self, hasher: &mut blake3::Hasher) {
-        let NeuBrdf { is_isotropic, corner_weights, wi, wo, layers, encoding, lobe, provenance: _ } = self;
+        let NeuBrdf { is_isotropic, corner_weights, wi, wo, surface, layers, encoding, lobe, provenance: _ } = self;
         put(hasher, b"neubrdf");
         put(hasher, &[u8::from(*is_isotropic), u8::from(*corner_weights == CornerWeights::Bilinear)]);
-        for SphereTable { grid, features, codes, indices, levels } in [wi, wo] {
-            put(hasher, &[grid.n_side(), *features]);
-            put(hasher, codes);
+        for SphereTable { grid, codebook, indices, levels } in [wi, wo] {
+            put(hasher, &[grid.n_side(), codebook.features]);
+            put(hasher, &codebook.codes);
             put(hasher, indices);
             put(hasher, levels);
+        }
+        if let Some(SurfaceTable { grid, codebook, indices }) = surface {
+            put(hasher, b"surface");
+            put(hasher, &[grid.size(0), [codebook.features, 0]].concat());
+            put(hasher, &codebook.codes);
+            put(hasher, indices);
         }
         for Dense { inputs: _, outputs: _, weights, bias } in layers {
             put(hasher, weights);

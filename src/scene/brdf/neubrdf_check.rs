@@ -1,6 +1,6 @@
 //! What makes a NeuBRDF valid.
 
-use super::{Dense, Encoding, NO_CODE, NeuBrdf, SamplingLobe, SphereTable};
+use super::{Codebook, Dense, Encoding, NO_CODE, NeuBrdf, SamplingLobe, SphereTable, SurfaceTable};
 
 /// What is wrong with a NeuBRDF.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
@@ -17,6 +17,11 @@ pub struct Flaw {
 impl Flaw {
     pub(super) fn new(field: impl Into<String>, found: impl Into<String>, expected: impl Into<String>) -> Flaw {
         Flaw { field: field.into(), found: found.into(), expected: expected.into() }
+    }
+
+    /// The same, of a material of a pack.
+    pub(super) fn of_material(self, index: usize) -> Flaw {
+        Flaw { field: format!("materials[{index}].{}", self.field), ..self }
     }
 }
 
@@ -51,15 +56,18 @@ impl NeuBrdf {
         self.wi.validate("wi")?;
         self.wo.validate("wo")?;
         expect(
-            self.wi.features == self.wo.features,
+            self.wi.codebook.features == self.wo.codebook.features,
             "wo.features",
-            || self.wo.features.to_string(),
+            || self.wo.codebook.features.to_string(),
             "as many as ωi has",
         )?;
+        self.surface.as_ref().map_or(Ok(()), SurfaceTable::validate)?;
         let depth = self.layers.len();
         expect((2..=Self::MAX_LAYERS).contains(&depth), "layers", || format!("{depth} layers"), "2 to 8")?;
-        let mut width = self.wi.features + self.wo.features;
-        let mut reached = self.wi.greatest().max(self.wo.greatest());
+        let surface = self.surface.as_ref().map(|surface| &*surface.codebook);
+        let codebooks = [Some(&*self.wi.codebook), Some(&*self.wo.codebook), surface];
+        let mut width = codebooks.iter().flatten().map(|codebook| codebook.features).sum::<u32>();
+        let mut reached = codebooks.iter().flatten().map(|codebook| codebook.greatest()).fold(0.0, f64::max);
         for (index, layer) in self.layers.iter().enumerate() {
             let field = format!("layers[{index}]");
             expect(layer.inputs == width, &field, || format!("{} inputs", layer.inputs), width.to_string())?;
@@ -124,8 +132,9 @@ impl Dense {
     }
 }
 
-impl SphereTable {
-    fn validate(&self, name: &str) -> Result<(), Flaw> {
+impl Codebook {
+    /// `name` is what holds it.
+    pub(super) fn validate(&self, name: &str) -> Result<(), Flaw> {
         let field = |part: &str| format!("{name}.{part}");
         let most = NeuBrdf::MAX_FEATURES;
         expect(
@@ -147,7 +156,20 @@ impl SphereTable {
             &field("codes"),
             || "a number that is not finite".into(),
             "finite numbers",
-        )?;
+        )
+    }
+
+    /// The greatest absolute value of a feature.
+    fn greatest(&self) -> f64 {
+        self.codes.iter().fold(0.0, |greatest, x| greatest.max(f64::from(x.abs())))
+    }
+}
+
+impl SphereTable {
+    fn validate(&self, name: &str) -> Result<(), Flaw> {
+        self.codebook.validate(name)?;
+        let field = |part: &str| format!("{name}.{part}");
+        let codes = self.codebook.code_count();
         let pixels = self.grid.pixel_count();
         let same = |levels: &[u8]| {
             let is_merged = |level, pixels: &[u32]| pixels.iter().all(|p| u32::from(levels[*p as usize]) == level);
@@ -173,9 +195,19 @@ impl SphereTable {
             format!("an index below {codes} for each corner of a pixel, and {NO_CODE} for other points"),
         )
     }
+}
 
-    /// The greatest absolute value of a feature.
-    fn greatest(&self) -> f64 {
-        self.codes.iter().fold(0.0, |greatest, x| greatest.max(f64::from(x.abs())))
+impl SurfaceTable {
+    fn validate(&self) -> Result<(), Flaw> {
+        self.codebook.validate("surface")?;
+        let (codes, points, count) = (self.codebook.code_count(), self.grid.point_count(), self.indices.len());
+        expect(count == points, "surface.indices", || count.to_string(), format!("one for each of {points} texels"))?;
+        let wrong = self.indices.iter().position(|index| usize::from(*index) >= codes);
+        expect(
+            wrong.is_none(),
+            "surface.indices",
+            || format!("{:?} at {wrong:?}", wrong.map(|point| self.indices[point])),
+            format!("indices below {codes}"),
+        )
     }
 }

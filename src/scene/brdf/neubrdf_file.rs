@@ -1,68 +1,84 @@
-//! `.neubrdf` files.
+//! `.neubrdf` files: one material, or a pack of several that share codebooks.
 //!
 //! | bytes | what |
 //! |---|---|
 //! | 8 | `NEUBRDF` and a zero |
-//! | 4 | version, 1 |
+//! | 4 | version, 2 |
 //! | 4 | length of the header |
 //! | that | the header, JSON: everything but the numbers below, and how many of each there are |
-//! | rest | for ωi, then ωo: merged pixels, indices, codes; then the layers, weights before biases |
+//! | rest | codebooks; networks, each layer's weights before its biases; for each material those of ωi, then ωo: merged pixels, indices; then, of one that varies, indices of texels |
 //! | 32 | BLAKE3 of all before |
 //!
-//! All is little-endian. Codes, weights and biases are `f16` or `f32`, as `precision` says. Indices take `index_bits` each, one
-//! for each grid point that is the corner of a pixel, lowest bit first; merged pixels are one bit for each block that
-//! [`SphereGrid::merge_where`] asks for, where `is_merged`. Both are filled up to whole bytes.
+//! All is little-endian. Materials name their codebooks and their network by number; each stands there once, however many materials
+//! name it. Codes, weights and biases are `f16` or `f32`, as `precision` says. Indices take as many bits each as the greatest
+//! index of the codebook, one for each grid point that is the corner of a pixel, lowest bit first; merged pixels are one bit for
+//! each block that [`SphereGrid::merge_where`](super::SphereGrid::merge_where) asks for, where `is_merged`. Both are filled up to
+//! whole bytes. Version 1, of one material, is `neubrdf_file_1.rs`.
 
-use std::fmt;
-use std::io::Read;
 use std::path::Path;
+use std::sync::Arc;
 
-use half::f16;
+use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
+use super::neubrdf_payload::{Reader, Writer};
 use super::{
-    CornerWeights, Dense, Encoding, Flaw, NO_CODE, NeuBrdf, Provenance, SamplingLobe, SphereGrid, SphereTable,
+    Codebook, CornerWeights, Dense, Encoding, Flaw, NeuBrdf, Precision, Provenance, SamplingLobe, SphereTable, SurfaceTable,
+    neubrdf_file_1, picked,
 };
-use crate::scene::error::{Error, Place, open};
+use crate::scene::error::{Error, Place, read_bytes};
 
 const MAGIC: [u8; 8] = *b"NEUBRDF\0";
-const VERSION: u32 = 1;
+const VERSION: u32 = 2;
 const HASH_BYTES: usize = 32;
 /// Magic, version, length of the header.
 const PREAMBLE_BYTES: usize = 16;
-/// No valid file is larger: 65,535 codes of 64 features for each hemisphere, and as much again for the rest.
-const MOST_BYTES: u64 = 64 << 20;
+/// Longest file, bytes.
+const LONGEST_FILE: u64 = 256 << 20;
 
-/// How numbers are stored.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum Precision {
-    /// Two bytes, eleven significant bits.
-    F16,
-    /// Four bytes, as trained.
-    F32,
-}
-
-impl fmt::Display for Precision {
-    fn fmt(&self, formatter: &mut fmt::Formatter) -> fmt::Result {
-        formatter.write_str(match self {
-            Precision::F16 => "f16",
-            Precision::F32 => "f32",
-        })
-    }
+/// Materials of a file. Tables whose codebooks are equal share one.
+#[derive(Clone, Debug, PartialEq)]
+pub struct NeuBrdfPack {
+    /// Their names and what they are. Names differ, and are empty only where there is one material.
+    pub materials: Vec<(String, NeuBrdf)>,
 }
 
 #[derive(Debug, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Header {
-    is_isotropic: bool,
-    corner_weights: CornerWeights,
+    precision: Precision,
+    codebooks: Vec<CodebookHeader>,
+    networks: Vec<NetworkHeader>,
+    materials: Vec<MaterialHeader>,
+}
+
+#[derive(Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct CodebookHeader {
     features: u32,
-    wi: TableHeader,
-    wo: TableHeader,
+    codes: u32,
+}
+
+#[derive(Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct NetworkHeader {
     /// Inputs, then the outputs of each layer.
     widths: Vec<u32>,
-    precision: Precision,
+}
+
+#[derive(Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct MaterialHeader {
+    #[serde(default, skip_serializing_if = "String::is_empty")]
+    name: String,
+    is_isotropic: bool,
+    corner_weights: CornerWeights,
+    wi: TableHeader,
+    wo: TableHeader,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    surface: Option<SurfaceHeader>,
+    /// Which of the networks.
+    network: usize,
     encoding: Encoding,
     /// [`SamplingLobe::to_floats`].
     lobe: Vec<f32>,
@@ -72,72 +88,118 @@ struct Header {
 #[derive(Debug, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct TableHeader {
+    /// Which of the codebooks.
+    codebook: usize,
     n_side: u32,
-    codes: u32,
-    index_bits: u32,
     is_merged: bool,
 }
 
-impl NeuBrdf {
+#[derive(Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct SurfaceHeader {
+    /// Which of the codebooks.
+    codebook: usize,
+    /// Texels across and down.
+    texels: [u32; 2],
+}
+
+impl NeuBrdfPack {
+    /// The most materials of a file. However short it is, each may take a MiB of memory.
+    pub const MAX_MATERIALS: usize = 256;
+
+    /// A file's content of one material without a name.
+    pub fn of(material: NeuBrdf) -> NeuBrdfPack {
+        NeuBrdfPack { materials: vec![(String::new(), material)] }
+    }
+
+    /// Whether each material is valid ([`NeuBrdf::validate`]), and names tell them apart.
+    ///
+    /// # Errors
+    /// What is wrong.
+    pub fn validate(&self) -> Result<(), Flaw> {
+        let count = self.materials.len();
+        let most = Self::MAX_MATERIALS;
+        if !(1..=most).contains(&count) {
+            return Err(Flaw::new("materials", count.to_string(), format!("1 to {most}")));
+        }
+        for (index, (name, material)) in self.materials.iter().enumerate() {
+            let is_known = self.materials[..index].iter().any(|(other, _)| other == name);
+            if is_known || name.is_empty() && count > 1 {
+                return Err(Flaw::new(format!("materials[{index}].name"), format!("`{name}`"), "a name of its own"));
+            }
+            material.validate().map_err(|flaw| if count > 1 { flaw.of_material(index) } else { flaw })?;
+        }
+        Ok(())
+    }
+
     /// The bytes of a `.neubrdf` file.
     ///
     /// # Errors
-    /// If it is not valid, or has numbers that are too large for `f16`.
+    /// If a material is not valid, or has numbers that are too large for `f16`.
     pub fn encode(&self, precision: Precision) -> Result<Vec<u8>, Flaw> {
         self.validate()?;
-        let table_header = |table: &SphereTable| TableHeader {
-            n_side: table.grid.n_side(),
-            codes: table.code_count() as u32,
-            index_bits: index_bits(table.code_count()),
-            is_merged: !table.levels.is_empty(),
-        };
+        let mut codebooks: Vec<&Codebook> = Vec::new();
+        let mut networks: Vec<&[Dense]> = Vec::new();
+        let mut materials = Vec::new();
+        for (name, material) in &self.materials {
+            let [wi, wo] = [&material.wi, &material.wo].map(|table| TableHeader {
+                codebook: place_of(&*table.codebook, &mut codebooks),
+                n_side: table.grid.n_side(),
+                is_merged: !table.levels.is_empty(),
+            });
+            let surface = material.surface.as_ref().map(|surface| SurfaceHeader {
+                codebook: place_of(&*surface.codebook, &mut codebooks),
+                texels: surface.grid.size(0),
+            });
+            materials.push(MaterialHeader {
+                name: name.clone(),
+                is_isotropic: material.is_isotropic,
+                corner_weights: material.corner_weights,
+                wi,
+                wo,
+                surface,
+                network: place_of(&material.layers[..], &mut networks),
+                encoding: material.encoding,
+                lobe: material.lobe.to_floats().to_vec(),
+                provenance: material.provenance.clone(),
+            });
+        }
+        let codebook =
+            |codebook: &&Codebook| CodebookHeader { features: codebook.features, codes: codebook.code_count() as u32 };
+        let network =
+            |layers: &&[Dense]| NetworkHeader { widths: layers.iter().map(|layer| layer.inputs).chain([3]).collect() };
         let header = Header {
-            is_isotropic: self.is_isotropic,
-            corner_weights: self.corner_weights,
-            features: self.wi.features,
-            wi: table_header(&self.wi),
-            wo: table_header(&self.wo),
-            widths: self.layers.iter().map(|layer| layer.inputs).chain([3]).collect(),
             precision,
-            encoding: self.encoding,
-            lobe: self.lobe.to_floats().to_vec(),
-            provenance: self.provenance.clone(),
+            codebooks: codebooks.iter().map(codebook).collect(),
+            networks: networks.iter().map(network).collect(),
+            materials,
         };
         let header = serde_json::to_vec(&header)
             .map_err(|error| Flaw::new("provenance", error.to_string(), "what JSON can hold"))?;
-        let mut bytes = Vec::new();
-        bytes.extend(MAGIC);
-        bytes.extend(VERSION.to_le_bytes());
-        bytes.extend((header.len() as u32).to_le_bytes());
-        bytes.extend(header);
-        for (name, table) in [("wi", &self.wi), ("wo", &self.wo)] {
-            let mut bits = BitWriter::default();
-            if !table.levels.is_empty() {
-                table.grid.merge_where(|level, pixels| {
-                    let is_merged = u32::from(table.levels[pixels[0] as usize]) == level;
-                    bits.put(is_merged.into(), 1);
-                    is_merged
-                });
-            }
-            bytes.append(&mut bits.finish());
-            let width = index_bits(table.code_count());
-            table.indices.iter().filter(|index| **index != NO_CODE).for_each(|index| bits.put(*index, width));
-            bytes.append(&mut bits.finish());
-            put_numbers(&mut bytes, precision, &table.codes).ok_or_else(|| too_large(&format!("{name}.codes")))?;
+        let length = (header.len() as u32).to_le_bytes();
+        let mut writer = Writer { bytes: [&MAGIC, &VERSION.to_le_bytes()[..], &length, &header].concat(), precision };
+        for (index, codebook) in codebooks.iter().enumerate() {
+            writer.codebook(&format!("codebooks[{index}]"), codebook)?;
         }
-        for layer in &self.layers {
-            put_numbers(&mut bytes, precision, &layer.weights).ok_or_else(|| too_large("layers.weights"))?;
-            put_numbers(&mut bytes, precision, &layer.bias).ok_or_else(|| too_large("layers.bias"))?;
+        for (index, layers) in networks.iter().enumerate() {
+            writer.network(&format!("networks[{index}]"), layers)?;
         }
+        for (_, NeuBrdf { wi, wo, surface, .. }) in &self.materials {
+            writer.points(wi);
+            writer.points(wo);
+            surface.iter().for_each(|surface| writer.texels(surface));
+        }
+        let mut bytes = writer.bytes;
         bytes.extend(blake3::hash(&bytes).as_bytes());
         Ok(bytes)
     }
 
-    /// Reads what [`NeuBrdf::encode`] wrote. What it returns is valid ([`NeuBrdf::validate`]).
+    /// Reads what [`NeuBrdfPack::encode`] wrote, or a file of version 1. What it returns is valid ([`NeuBrdfPack::validate`]).
     ///
     /// # Errors
-    /// For anything else, naming the part that is wrong. Allocates no more than a few times the length of `bytes`.
-    pub fn decode(bytes: &[u8]) -> Result<NeuBrdf, Flaw> {
+    /// For anything else, naming the part that is wrong. Allocates no more than some sixteen times the length of `bytes` and a MiB for
+    /// each material.
+    pub fn decode(bytes: &[u8]) -> Result<NeuBrdfPack, Flaw> {
         let is_cut = || Flaw::new("file", format!("{} bytes", bytes.len()), "more: it is cut off");
         let (content, hash) = bytes.split_last_chunk::<HASH_BYTES>().ok_or_else(is_cut)?;
         let (preamble, content_rest) = content.split_first_chunk::<PREAMBLE_BYTES>().ok_or_else(is_cut)?;
@@ -145,8 +207,8 @@ impl NeuBrdf {
         if preamble[..8] != MAGIC {
             return Err(Flaw::new("magic", format!("{:02x?}", &preamble[..8]), "a .neubrdf file"));
         }
-        if word(8) != VERSION {
-            return Err(Flaw::new("version", word(8).to_string(), VERSION.to_string()));
+        if !(1..=VERSION).contains(&word(8)) {
+            return Err(Flaw::new("version", word(8).to_string(), format!("1 or {VERSION}")));
         }
         if blake3::hash(content) != *hash {
             return Err(Flaw::new(
@@ -156,181 +218,138 @@ impl NeuBrdf {
             ));
         }
         let (header, payload) = content_rest.split_at_checked(word(12) as usize).ok_or_else(is_cut)?;
-        let header: Header = serde_json::from_slice(header)
-            .map_err(|error| Flaw::new("header", format!("what is no header ({error})"), "JSON as documented"))?;
-        let mut payload = Reader { rest: payload, precision: header.precision };
-        let (wi, wo) =
-            (payload.table("wi", &header.wi, header.features)?, payload.table("wo", &header.wo, header.features)?);
-        let layers =
-            header.widths.windows(2).map(|widths| payload.layer(widths[0], widths[1])).collect::<Result<_, _>>()?;
-        if !payload.rest.is_empty() {
-            return Err(Flaw::new(
-                "file",
-                format!("{} bytes too many", payload.rest.len()),
-                "what the header announces",
-            ));
-        }
-        let Header { is_isotropic, corner_weights, encoding, provenance, .. } = header;
-        let lobe = header.lobe.as_slice().try_into().ok().and_then(SamplingLobe::from_floats);
-        let lobe =
-            lobe.ok_or_else(|| Flaw::new("lobe", format!("{:?}", header.lobe), "α and probabilities, in range"))?;
-        let brdf = NeuBrdf { is_isotropic, corner_weights, wi, wo, layers, encoding, lobe, provenance };
-        brdf.validate()?;
-        Ok(brdf)
+        let pack = match word(8) {
+            1 => NeuBrdfPack::of(neubrdf_file_1::decode(header, payload)?),
+            _ => decode(header, payload)?,
+        };
+        pack.validate()?;
+        Ok(pack)
     }
 
     /// Reads a `.neubrdf` file.
     ///
     /// # Errors
     /// It cannot be read, or is not valid.
-    pub fn load(path: &Path) -> Result<NeuBrdf, Error> {
-        NeuBrdf::load_for(path, None)
+    pub fn load(path: &Path) -> Result<NeuBrdfPack, Error> {
+        NeuBrdfPack::load_for(path, None)
     }
 
     /// The same, on behalf of a key of a scene file.
-    pub(super) fn load_for(path: &Path, needed_by: Option<&Place>) -> Result<NeuBrdf, Error> {
-        let mut bytes = Vec::new();
-        let file = open(path, needed_by)?;
-        file.take(MOST_BYTES + 1).read_to_end(&mut bytes).map_err(|source| Error::read(path, needed_by, source))?;
-        let read = if bytes.len() as u64 > MOST_BYTES {
-            Err(Flaw::new("file", "more bytes", format!("at most {MOST_BYTES}")))
-        } else {
-            NeuBrdf::decode(&bytes)
-        };
-        read.map_err(|Flaw { field, found, expected }| {
+    fn load_for(path: &Path, needed_by: Option<&Place>) -> Result<NeuBrdfPack, Error> {
+        NeuBrdfPack::decode(&read_bytes(path, needed_by, LONGEST_FILE)?).map_err(|Flaw { field, found, expected }| {
             Error::unexpected(Place { file: path.to_owned(), line: None, field: Some(field) }, found, expected)
         })
     }
 }
 
-fn too_large(field: &str) -> Flaw {
-    Flaw::new(field, "a number that f16 cannot hold", "numbers of at most 65504, or f32")
-}
-
-/// Bits of an index into so many codes.
-fn index_bits(codes: usize) -> u32 {
-    usize::BITS - (codes - 1).leading_zeros()
-}
-
-/// `None` where a number becomes infinite.
-fn put_numbers(bytes: &mut Vec<u8>, precision: Precision, numbers: &[f32]) -> Option<()> {
-    for number in numbers {
-        match precision {
-            Precision::F16 => {
-                let half = f16::from_f32(*number);
-                half.is_finite().then_some(())?;
-                bytes.extend(half.to_le_bytes());
-            }
-            Precision::F32 => bytes.extend(number.to_le_bytes()),
-        }
+impl NeuBrdf {
+    /// The bytes of a `.neubrdf` file of this one material.
+    ///
+    /// # Errors
+    /// As of [`NeuBrdfPack::encode`].
+    pub fn encode(&self, precision: Precision) -> Result<Vec<u8>, Flaw> {
+        NeuBrdfPack::of(self.clone()).encode(precision)
     }
-    Some(())
-}
 
-/// Bits into bytes, lowest first.
-#[derive(Default)]
-struct BitWriter {
-    bytes: Vec<u8>,
-    pending: u32,
-    count: u32,
-}
-
-impl BitWriter {
-    fn put(&mut self, value: u16, bits: u32) {
-        self.pending |= u32::from(value) << self.count;
-        self.count += bits;
-        while self.count >= 8 {
-            self.bytes.push(self.pending as u8);
-            self.pending >>= 8;
-            self.count -= 8;
+    /// Reads what [`NeuBrdf::encode`] wrote.
+    ///
+    /// # Errors
+    /// As of [`NeuBrdfPack::decode`], and for a pack of several.
+    pub fn decode(bytes: &[u8]) -> Result<NeuBrdf, Flaw> {
+        let mut materials = NeuBrdfPack::decode(bytes)?.materials;
+        match (materials.pop(), materials.len()) {
+            (Some((_, material)), 0) => Ok(material),
+            (_, others) => Err(Flaw::new("materials", format!("{} of them", others + 1), "one")),
         }
     }
 
-    /// The bytes so far, the last one filled up with zeros.
-    fn finish(&mut self) -> Vec<u8> {
-        if self.count > 0 {
-            self.bytes.push(self.pending as u8);
-        }
-        std::mem::take(self).bytes
+    /// The material of a `.neubrdf` file; of a pack the one of this name.
+    ///
+    /// # Errors
+    /// The file cannot be read or is not valid, or does not tell which material is meant.
+    pub fn load(path: &Path, name: Option<&str>) -> Result<NeuBrdf, Error> {
+        NeuBrdf::load_for(path, name, None)
+    }
+
+    /// The same, on behalf of a key of a scene file.
+    pub(super) fn load_for(path: &Path, name: Option<&str>, needed_by: Option<&Place>) -> Result<NeuBrdf, Error> {
+        let mut materials = NeuBrdfPack::load_for(path, needed_by)?.materials;
+        let names: Vec<&str> = materials.iter().map(|(name, _)| name.as_str()).collect();
+        let place = picked(path, name, &names)?;
+        Ok(materials.swap_remove(place).1)
     }
 }
 
-/// What is left of the payload.
-struct Reader<'a> {
-    rest: &'a [u8],
-    precision: Precision,
-}
-
-impl<'a> Reader<'a> {
-    fn take(&mut self, field: &str, bytes: u64) -> Result<&'a [u8], Flaw> {
-        let length = usize::try_from(bytes).unwrap_or(usize::MAX);
-        let Some((taken, rest)) = self.rest.split_at_checked(length) else {
-            return Err(Flaw::new(field, format!("{} bytes", self.rest.len()), format!("{bytes} by the header")));
+/// A material of version 2. It has still to be validated.
+fn decode(header: &[u8], payload: &[u8]) -> Result<NeuBrdfPack, Flaw> {
+    let Header { precision, codebooks, networks, materials } = parse(header)?;
+    if materials.len() > NeuBrdfPack::MAX_MATERIALS {
+        let expected = format!("at most {}", NeuBrdfPack::MAX_MATERIALS);
+        return Err(Flaw::new("materials", materials.len().to_string(), expected));
+    }
+    let mut reader = Reader { rest: payload, precision };
+    let codebook = |(index, header): (usize, &CodebookHeader)| {
+        let name = format!("codebooks[{index}]");
+        let codebook = reader.codebook(&name, header.features, header.codes)?;
+        codebook.validate(&name)?;
+        Ok(Arc::new(codebook))
+    };
+    let codebooks = codebooks.iter().enumerate().map(codebook).collect::<Result<Vec<_>, Flaw>>()?;
+    let network =
+        |(index, header): (usize, &NetworkHeader)| reader.network(&format!("networks[{index}]"), &header.widths);
+    let networks = networks.iter().enumerate().map(network).collect::<Result<Vec<_>, Flaw>>()?;
+    let table = |reader: &mut Reader, name: &str, header: &TableHeader| {
+        let codebook = named(&codebooks, header.codebook, &format!("{name}.codebook"))?.clone();
+        let (grid, levels, indices) = reader.points(name, header.n_side, header.is_merged, codebook.code_count())?;
+        Ok(SphereTable { grid, codebook, indices, levels })
+    };
+    let surface = |reader: &mut Reader, header: &SurfaceHeader| {
+        let codebook = named(&codebooks, header.codebook, "surface.codebook")?.clone();
+        let (grid, indices) = reader.texels("surface", header.texels, codebook.code_count())?;
+        Ok(SurfaceTable { grid, codebook, indices })
+    };
+    let mut material = |header: MaterialHeader| -> Result<(String, NeuBrdf), Flaw> {
+        let brdf = NeuBrdf {
+            is_isotropic: header.is_isotropic,
+            corner_weights: header.corner_weights,
+            wi: table(&mut reader, "wi", &header.wi)?,
+            wo: table(&mut reader, "wo", &header.wo)?,
+            surface: header.surface.as_ref().map(|header| surface(&mut reader, header)).transpose()?,
+            layers: named(&networks, header.network, "network")?.clone(),
+            encoding: header.encoding,
+            lobe: lobe(&header.lobe)?,
+            provenance: header.provenance,
         };
-        self.rest = rest;
-        Ok(taken)
-    }
-
-    fn numbers(&mut self, field: &str, count: u64) -> Result<Vec<f32>, Flaw> {
-        Ok(match self.precision {
-            Precision::F16 => {
-                let (halves, _) = self.take(field, count.saturating_mul(2))?.as_chunks();
-                halves.iter().map(|half| f16::from_le_bytes(*half).to_f32()).collect()
-            }
-            Precision::F32 => {
-                let (words, _) = self.take(field, count.saturating_mul(4))?.as_chunks();
-                words.iter().map(|word| f32::from_le_bytes(*word)).collect()
-            }
-        })
-    }
-
-    fn table(&mut self, name: &str, header: &TableHeader, features: u32) -> Result<SphereTable, Flaw> {
-        let field = |part: &str| format!("{name}.{part}");
-        let grid = SphereGrid::new(header.n_side).ok_or_else(|| {
-            let expected = format!("a power of two, at most {}", SphereGrid::MAX_N_SIDE);
-            Flaw::new(field("n_side"), header.n_side.to_string(), expected)
-        })?;
-        let codes = header.codes as usize;
-        if codes == 0 || codes >= usize::from(NO_CODE) || header.index_bits != index_bits(codes) {
-            let found = format!("{codes} codes and {} index_bits", header.index_bits);
-            return Err(Flaw::new(field("codes"), found, "1 to 65534, and as many bits as indices of them take"));
-        }
-        let levels = if header.is_merged { self.levels(&field("levels"), grid)? } else { Vec::new() };
-        let is_corner = grid.corners_of(&levels);
-        let count = is_corner.iter().filter(|is_corner| **is_corner).count() as u64;
-        let packed = self.take(&field("indices"), (count * u64::from(header.index_bits)).div_ceil(8))?;
-        let mut bits = Bits { bytes: packed, next: 0 };
-        let index = |is_corner| if is_corner { bits.take(header.index_bits) } else { NO_CODE };
-        let indices = is_corner.into_iter().map(index).collect();
-        let codes = self.numbers(&field("codes"), u64::from(header.codes) * u64::from(features))?;
-        Ok(SphereTable { grid, features, codes, indices, levels })
-    }
-
-    fn levels(&mut self, field: &str, grid: SphereGrid) -> Result<Vec<u8>, Flaw> {
-        let mut bits = Bits { bytes: self.rest, next: 0 };
-        let levels = grid.merge_where(|_, _| bits.take(1) == 1);
-        self.take(field, bits.next.div_ceil(8) as u64)?;
-        Ok(levels)
-    }
-
-    fn layer(&mut self, inputs: u32, outputs: u32) -> Result<Dense, Flaw> {
-        let weights = self.numbers("layers.weights", u64::from(inputs) * u64::from(outputs))?;
-        let bias = self.numbers("layers.bias", outputs.into())?;
-        Ok(Dense { inputs, outputs, weights, bias })
-    }
+        Ok((header.name, brdf))
+    };
+    let numbered = |(index, header)| material(header).map_err(|flaw| flaw.of_material(index));
+    let materials = materials.into_iter().enumerate().map(numbered).collect::<Result<_, _>>()?;
+    reader.end()?;
+    Ok(NeuBrdfPack { materials })
 }
 
-/// Bytes as bits, lowest first; zeros beyond the end.
-struct Bits<'a> {
-    bytes: &'a [u8],
-    next: usize,
+/// What a header says.
+pub(super) fn parse<T: DeserializeOwned>(header: &[u8]) -> Result<T, Flaw> {
+    serde_json::from_slice(header)
+        .map_err(|error| Flaw::new("header", format!("what is no header ({error})"), "JSON as documented"))
 }
 
-impl Bits<'_> {
-    fn take(&mut self, count: u32) -> u16 {
-        let bit = |at: usize| self.bytes.get(at / 8).map_or(0, |byte| u16::from(byte >> (at % 8) & 1));
-        let value = (0..count).fold(0, |value, i| value | bit(self.next + i as usize) << i);
-        self.next += count as usize;
-        value
-    }
+/// A lobe of a header.
+pub(super) fn lobe(floats: &[f32]) -> Result<SamplingLobe, Flaw> {
+    let lobe = floats.try_into().ok().and_then(SamplingLobe::from_floats);
+    lobe.ok_or_else(|| Flaw::new("lobe", format!("{floats:?}"), "α and probabilities, in range"))
+}
+
+/// What a header means by a number.
+fn named<'a, T>(list: &'a [T], index: usize, field: &str) -> Result<&'a T, Flaw> {
+    list.get(index).ok_or_else(|| Flaw::new(field, index.to_string(), format!("a number below {}", list.len())))
+}
+
+/// Where an item stands in a list, to which it is added unless an equal one is there.
+fn place_of<'a, T: PartialEq + ?Sized>(item: &'a T, list: &mut Vec<&'a T>) -> usize {
+    let place = list.iter().position(|other| std::ptr::eq(*other, item) || *other == item);
+    place.unwrap_or_else(|| {
+        list.push(item);
+        list.len() - 1
+    })
 }

@@ -3,19 +3,24 @@
 //! The first row is the header `wi_theta,wi_phi,wo_theta,wo_phi,r,g,b`; each further one a sample: four angles in degrees, the θ
 //! in [0, 90), and the BRDF in sr⁻¹ without the cosine. Empty lines, and lines that start with `#`, are skipped.
 //! A file in which every `wi_phi` is 0 describes an isotropic material: the difference of the azimuths counts, and not its sign.
+//!
+//! Samples of a material that varies have two more columns before these, `u,v`, and may be many: [`SurfaceSamples`].
 
 use std::f64::consts::FRAC_2_PI;
 use std::path::Path;
 
-use glam::{DVec2, DVec3, DVec4, Vec3};
+use glam::{DVec2, DVec3, DVec4, Vec2, Vec3};
 
 use super::HalfDifference;
 use crate::scene::error::{Error, Place, quote, read_bytes};
 use crate::scene::hash::put;
 
 const HEADER: [&str; 7] = ["wi_theta", "wi_phi", "wo_theta", "wo_phi", "r", "g", "b"];
+const SURFACE_HEADER: [&str; 9] = ["u", "v", "wi_theta", "wi_phi", "wo_theta", "wo_phi", "r", "g", "b"];
 /// Longest file, bytes.
 const LONGEST: u64 = 4 << 20;
+/// The same of samples of a material that varies.
+const LONGEST_OF_SURFACE: u64 = 1 << 30;
 /// Brightest value, sr⁻¹.
 const BRIGHTEST: f64 = 1e8;
 /// A direction this near to the surface, degrees, sees nothing of it.
@@ -78,44 +83,17 @@ impl Sparse {
     /// Reads a `.csv` file: an error if it cannot be read, its header is another, or a row has another number of columns or a number out
     /// of range.
     pub(super) fn read(path: &Path, needed_by: Option<&Place>) -> Result<Sparse, Error> {
-        let text = String::from_utf8(read_bytes(path, needed_by, LONGEST)?).map_err(|_| {
-            Error::unexpected(Place::file(path), "bytes that are not UTF-8", "a text of comma-separated values")
-        })?;
-        let mut rows = text
-            .lines()
-            .enumerate()
-            .map(|(index, row)| (index + 1, row.trim()))
-            .filter(|(_, row)| !row.is_empty() && !row.starts_with('#'));
-        match rows.next() {
-            Some((_, row)) if row.split(',').map(str::trim).eq(HEADER) => {}
-            other => {
-                let (line, found) = other.map_or((1, "nothing".to_owned()), |(line, row)| (line, quote(row)));
-                return Err(Error::unexpected(
-                    Place::line(path, line),
-                    found,
-                    format!("the header `{}`", HEADER.join(",")),
-                ));
-            }
-        }
+        let text = text(path, needed_by, LONGEST)?;
         let mut samples = Vec::new();
-        let mut is_isotropic = true;
-        for (line, row) in rows {
-            let numbers = numbers(path, line, row)?;
-            is_isotropic &= numbers[1] == 0.0;
+        let is_isotropic = rows(path, &text, HEADER, |line, numbers| {
             if samples.len() == Self::MOST_SAMPLES {
                 let found = "one sample more";
                 let expected = format!("at most {} samples", Self::MOST_SAMPLES);
                 return Err(Error::unexpected(Place::line(path, line), found, expected));
             }
-            samples.push(SparseSample {
-                wi: direction(numbers[0], numbers[1]),
-                wo: direction(numbers[2], numbers[3]),
-                value: Vec3::new(numbers[4] as f32, numbers[5] as f32, numbers[6] as f32),
-            });
-        }
-        if samples.is_empty() {
-            return Err(Error::unexpected(Place::file(path), "no sample", "at least one"));
-        }
+            samples.push(SparseSample::new(numbers));
+            Ok(())
+        })?;
         Ok(Sparse::new(samples, is_isotropic))
     }
 
@@ -128,22 +106,104 @@ impl Sparse {
     }
 }
 
-/// The columns of a row, each in its range.
-fn numbers(path: &Path, line: usize, row: &str) -> Result<[f64; 7], Error> {
-    let columns = row.split(',').count();
-    if columns != HEADER.len() {
-        let expected = format!("{}", HEADER.len());
-        return Err(Error::unexpected(Place::line(path, line), format!("{columns} columns"), expected));
+impl SparseSample {
+    /// Of the numbers of a row.
+    fn new(numbers: &[f64; 7]) -> SparseSample {
+        let [wi_theta, wi_phi, wo_theta, wo_phi, r, g, b] = *numbers;
+        SparseSample {
+            wi: direction(wi_theta, wi_phi),
+            wo: direction(wo_theta, wo_phi),
+            value: Vec3::new(r as f32, g as f32, b as f32),
+        }
     }
-    let mut numbers = [0.0; 7];
-    for ((number, name), text) in numbers.iter_mut().zip(HEADER).zip(row.split(',')) {
-        let [least, most] = match name {
+}
+
+/// Samples of a BRDF that varies over (u, v), some hundred a texel: to learn from, not to look up.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SurfaceSamples {
+    /// Texture coordinates in [0, 1], and what is known there.
+    pub samples: Vec<(Vec2, SparseSample)>,
+    /// Whether the azimuths count by their difference alone.
+    pub is_isotropic: bool,
+}
+
+impl SurfaceSamples {
+    /// Reads a `.csv` file; `None` if its header has no `u`.
+    ///
+    /// # Errors
+    /// It cannot be read, or is not as docs/materials.md says: with the line and the column.
+    pub fn load(path: &Path) -> Result<Option<SurfaceSamples>, Error> {
+        let text = text(path, None, LONGEST_OF_SURFACE)?;
+        let is_comment = |row: &&str| row.is_empty() || row.starts_with('#');
+        let header = text.lines().map(str::trim).find(|row| !is_comment(row)).unwrap_or_default();
+        if header.split(',').next().map(str::trim) != Some(SURFACE_HEADER[0]) {
+            return Ok(None);
+        }
+        let mut samples = Vec::new();
+        let is_isotropic = rows(path, &text, SURFACE_HEADER, |_, numbers: &[f64; 9]| {
+            let [u, v, rest @ ..] = numbers;
+            samples.push((Vec2::new(*u as f32, *v as f32), SparseSample::new(rest)));
+            Ok(())
+        })?;
+        Ok(Some(SurfaceSamples { samples, is_isotropic }))
+    }
+}
+
+fn text(path: &Path, needed_by: Option<&Place>, longest: u64) -> Result<String, Error> {
+    String::from_utf8(read_bytes(path, needed_by, longest)?).map_err(|_| {
+        Error::unexpected(Place::file(path), "bytes that are not UTF-8", "a text of comma-separated values")
+    })
+}
+
+/// Hands on the line and the numbers of each row below the header, of which there must be one. Returns whether all `wi_phi` are 0.
+fn rows<const N: usize>(
+    path: &Path,
+    text: &str,
+    header: [&str; N],
+    mut each: impl FnMut(usize, &[f64; N]) -> Result<(), Error>,
+) -> Result<bool, Error> {
+    let mut rows = text
+        .lines()
+        .enumerate()
+        .map(|(index, row)| (index + 1, row.trim()))
+        .filter(|(_, row)| !row.is_empty() && !row.starts_with('#'));
+    match rows.next() {
+        Some((_, row)) if row.split(',').map(str::trim).eq(header) => {}
+        other => {
+            let (line, found) = other.map_or((1, "nothing".to_owned()), |(line, row)| (line, quote(row)));
+            let expected = format!("the header `{}`", header.join(","));
+            return Err(Error::unexpected(Place::line(path, line), found, expected));
+        }
+    }
+    let (mut count, mut is_isotropic) = (0, true);
+    for (line, row) in rows {
+        let numbers = numbers(path, line, row, &header)?;
+        is_isotropic &= header.iter().zip(&numbers).all(|(name, number)| *name != "wi_phi" || *number == 0.0);
+        each(line, &numbers)?;
+        count += 1;
+    }
+    if count == 0 {
+        return Err(Error::unexpected(Place::file(path), "no sample", "at least one"));
+    }
+    Ok(is_isotropic)
+}
+
+/// The columns of a row, each in its range.
+fn numbers<const N: usize>(path: &Path, line: usize, row: &str, header: &[&str; N]) -> Result<[f64; N], Error> {
+    let columns = row.split(',').count();
+    if columns != N {
+        return Err(Error::unexpected(Place::line(path, line), format!("{columns} columns"), format!("{N}")));
+    }
+    let mut numbers = [0.0; N];
+    for ((number, name), text) in numbers.iter_mut().zip(header).zip(row.split(',')) {
+        let [least, most] = match *name {
+            "u" | "v" => [0.0, 1.0],
             "wi_theta" | "wo_theta" => [0.0, GRAZING.next_down()],
             "wi_phi" | "wo_phi" => [-360.0, 360.0],
             _ => [0.0, BRIGHTEST],
         };
         *number = text.trim().parse().ok().filter(|number| (least..=most).contains(number)).ok_or_else(|| {
-            let place = Place { field: Some(name.to_owned()), ..Place::line(path, line) };
+            let place = Place { field: Some((*name).to_owned()), ..Place::line(path, line) };
             Error::unexpected(place, quote(text.trim()), format!("a number from {least:e} to {most:e}"))
         })?;
     }

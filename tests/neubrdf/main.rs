@@ -1,14 +1,20 @@
 //! NeuBRDFs: what they evaluate to, and their files.
 
+#[path = "../common/mod.rs"]
 mod common;
+mod pack;
+mod version_1;
 
 use std::fs;
-use std::sync::LazyLock;
+use std::sync::{Arc, LazyLock};
 
 use common::random_neubrdf::{Shape, Stream, random_neubrdf};
-use glam::DVec3;
+use glam::{DVec2, DVec3};
 use neubrdf::material::turned;
-use neubrdf::scene::brdf::{CornerWeights, Flaw, NO_CODE, NeuBrdf, Precision, Provenance, SphereGrid};
+use neubrdf::scene::brdf::{
+    Codebook, CornerWeights, Flaw, Footprint, NO_CODE, NeuBrdf, Precision, Provenance, SphereGrid, SphereTable, SurfaceGrid,
+    SurfaceTable,
+};
 use proptest::prelude::*;
 
 /// Small, and with all that a file can have.
@@ -20,16 +26,27 @@ const SMALL: Shape = Shape {
     codes: 5,
     hidden: &[4, 5],
     is_pruned: true,
+    surface: None,
 };
+
+/// The same over a texture.
+const VARYING: Shape = Shape { surface: Some(([3, 2], 5)), ..SMALL };
+
+/// Codes that can be changed.
+fn codes(table: &mut SphereTable) -> &mut Vec<f32> {
+    &mut Arc::make_mut(&mut table.codebook).codes
+}
 
 fn shapes() -> Vec<Shape> {
     let full = Shape::FULL;
     vec![
         SMALL,
+        VARYING,
         full,
         Shape { is_isotropic: true, is_pruned: true, ..full },
         Shape { is_pruned: true, corner_weights: CornerWeights::Uniform, ..full },
         Shape { n_side: 1, codes: 1, features: 1, hidden: &[1], ..full },
+        Shape { surface: Some(([16, 8], 8)), ..full },
         Shape { n_side: 16, codes: 1700, features: 32, hidden: &[128, 128, 128], ..full },
     ]
 }
@@ -112,27 +129,32 @@ fn hostile_headers_are_errors() {
     assert!(NeuBrdf::decode(&with_header(&brdf, |_| ())).unwrap() == brdf);
     let huge = [0u64, 1, 2, 6, 255, 256, 65_534, 65_535, u64::from(u32::MAX)];
     let numbers = [
-        "/features",
-        "/wi/n_side",
-        "/wi/codes",
-        "/wi/index_bits",
-        "/wo/n_side",
-        "/wo/codes",
-        "/widths/0",
-        "/widths/1",
-        "/widths/3",
+        "/codebooks/0/features",
+        "/codebooks/1/features",
+        "/codebooks/0/codes",
+        "/codebooks/1/codes",
+        "/networks/0/widths/0",
+        "/networks/0/widths/1",
+        "/networks/0/widths/3",
+        "/materials/0/network",
+        "/materials/0/wi/n_side",
+        "/materials/0/wo/n_side",
     ];
-    for pointer in numbers {
+    let of_surface =
+        ["/materials/0/surface/texels/0", "/materials/0/surface/texels/1", "/materials/0/surface/codebook"];
+    let varying = random_neubrdf(VARYING, 1);
+    let all = numbers.map(|pointer| (&brdf, pointer)).into_iter().chain(of_surface.map(|pointer| (&varying, pointer)));
+    for (brdf, pointer) in all {
         for value in huge.map(serde_json::Value::from).into_iter().chain([(-1).into(), 4.5.into(), "4".into()]) {
-            let original = with_header(&brdf, |_| ());
-            let file = with_header(&brdf, |header| *header.pointer_mut(pointer).unwrap() = value.clone());
+            let original = with_header(brdf, |_| ());
+            let file = with_header(brdf, |header| *header.pointer_mut(pointer).unwrap() = value.clone());
             assert!(file == original || NeuBrdf::decode(&file).is_err(), "{pointer} = {value}");
         }
     }
     for (pointer, values) in [
-        ("/encoding/gain", vec![0.0, -1.0, 1e39, 1e38]),
-        ("/encoding/scale", vec![0.0, -1.0, 1e39, 1e7]),
-        ("/encoding/max", vec![0.0, -1.0, 1e39]),
+        ("/materials/0/encoding/gain", vec![0.0, -1.0, 1e39, 1e38]),
+        ("/materials/0/encoding/scale", vec![0.0, -1.0, 1e39, 1e7]),
+        ("/materials/0/encoding/max", vec![0.0, -1.0, 1e39]),
     ] {
         for value in values {
             let file = with_header(&brdf, |header| *header.pointer_mut(pointer).unwrap() = value.into());
@@ -147,14 +169,14 @@ fn hostile_headers_are_errors() {
 fn models_that_cannot_be_are_refused() {
     type Change = fn(&mut NeuBrdf);
     let changes: [(&str, Change); 14] = [
-        ("wi.codes", |brdf| brdf.wi.codes[0] = f32::NAN),
-        ("wi.codes", |brdf| brdf.wi.codes.clear()),
-        ("wo.codes", |brdf| brdf.wo.codes.truncate(14)),
+        ("wi.codes", |brdf| codes(&mut brdf.wi)[0] = f32::NAN),
+        ("wi.codes", |brdf| codes(&mut brdf.wi).clear()),
+        ("wo.codes", |brdf| codes(&mut brdf.wo).truncate(14)),
         ("wo.indices", |brdf| brdf.wo.indices[0] = 5),
         ("wo.indices", |brdf| brdf.wo.indices[0] = NO_CODE),
         ("wi.indices", |brdf| brdf.wi.indices.truncate(7)),
         ("wi.levels", |brdf| brdf.wi.levels[0] += 1),
-        ("wi.features", |brdf| brdf.wi.features = 0),
+        ("wi.features", |brdf| Arc::make_mut(&mut brdf.wi.codebook).features = 0),
         ("layers[0]", |brdf| brdf.layers[0].inputs += 1),
         ("layers[1]", |brdf| brdf.layers[1].bias[0] = f32::INFINITY),
         ("layers[1]", |brdf| brdf.layers.iter_mut().for_each(|layer| layer.weights[0] = 1e20)),
@@ -169,9 +191,22 @@ fn models_that_cannot_be_are_refused() {
         assert_eq!(found, field);
         assert!(brdf.encode(Precision::F32).is_err());
     }
+    type SurfaceChange = fn(&mut SurfaceTable);
+    let changes: [(&str, SurfaceChange); 5] = [
+        ("surface.indices", |surface| surface.indices[2] = 5),
+        ("surface.indices", |surface| surface.indices.truncate(6)),
+        ("surface.indices", |surface| surface.grid = SurfaceGrid::new(4, 4).unwrap()),
+        ("surface.codes", |surface| Arc::make_mut(&mut surface.codebook).codes[7] = f32::INFINITY),
+        ("layers[0]", |surface| *Arc::make_mut(&mut surface.codebook) = Codebook { features: 1, codes: vec![0.0; 9] }),
+    ];
+    for (field, change) in changes {
+        let mut brdf = random_neubrdf(VARYING, 1);
+        change(brdf.surface.as_mut().unwrap());
+        assert_eq!(brdf.validate().unwrap_err().field, field);
+    }
     let mut brdf = random_neubrdf(SMALL, 1);
-    brdf.wi.codes[0] = 1e5;
-    assert_eq!(brdf.encode(Precision::F16).unwrap_err().field, "wi.codes");
+    codes(&mut brdf.wi)[0] = 1e5;
+    assert_eq!(brdf.encode(Precision::F16).unwrap_err().field, "codebooks[0].codes");
 }
 
 #[test]
@@ -179,15 +214,17 @@ fn errors_name_the_file() {
     let directory = tempfile::tempdir().unwrap();
     let path = directory.path().join("x.neubrdf");
     fs::write(&path, b"NEUBRDF").unwrap();
-    let message = NeuBrdf::load(&path).unwrap_err().to_string();
+    let message = NeuBrdf::load(&path, None).unwrap_err().to_string();
     assert!(message.contains("x.neubrdf: file: found 7 bytes"), "{message}");
     let brdf = random_neubrdf(SMALL, 1);
     fs::write(&path, brdf.encode(Precision::F32).unwrap()).unwrap();
-    assert!(NeuBrdf::load(&path).unwrap() == brdf);
+    assert!(NeuBrdf::load(&path, None).unwrap() == brdf);
 }
 
-static FILES: LazyLock<[Vec<u8>; 4]> =
-    LazyLock::new(|| [0, 1, 2, 3].map(|seed| random_neubrdf(SMALL, seed).encode(Precision::F16).unwrap()));
+static FILES: LazyLock<[Vec<u8>; 4]> = LazyLock::new(|| {
+    [(SMALL, 0), (SMALL, 1), (VARYING, 2), (VARYING, 3)]
+        .map(|(shape, seed)| random_neubrdf(shape, seed).encode(Precision::F16).unwrap())
+});
 
 proptest! {
     #![proptest_config(ProptestConfig { cases: 2000, ..ProptestConfig::default() })]
@@ -208,7 +245,8 @@ proptest! {
             brdf.validate().unwrap();
             let mut random = Stream(seed);
             for _ in 0..20 {
-                let value = brdf.eval(random.direction(), random.direction());
+                let footprint = Footprint { uv: DVec2::new(random.unit(), 3.0 * random.unit()), area: random.unit() };
+                let value = brdf.eval_at(footprint, random.direction(), random.direction());
                 prop_assert!(value.is_finite() && value.min_element() >= 0.0);
             }
         }
@@ -219,9 +257,17 @@ proptest! {
 #[test]
 fn values_are_those_of_the_formula() {
     let shape =
-        Shape { n_side: 1, codes: 1, features: 1, hidden: &[2], is_isotropic: false, is_pruned: false, ..SMALL };
+        Shape {
+            n_side: 1,
+            codes: 1,
+            features: 1,
+            hidden: &[2],
+            is_isotropic: false,
+            is_pruned: false,
+            ..SMALL
+        };
     let mut brdf = random_neubrdf(shape, 1);
-    (brdf.wi.codes, brdf.wo.codes) = (vec![2.0], vec![3.0]);
+    (codes(&mut brdf.wi)[0], codes(&mut brdf.wo)[0]) = (2.0, 3.0);
     brdf.layers[0].weights = vec![1.0, 1.0, 1.0, -1.0];
     brdf.layers[0].bias = vec![-3.0, 0.0];
     brdf.layers[1].weights = vec![1.0, 7.0, 1.5, 7.0, -1.5, 7.0];

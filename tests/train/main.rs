@@ -1,5 +1,10 @@
 //! Training: what it learns, that it does so again, and that it can be stopped.
 
+mod group;
+#[path = "../common/maps.rs"]
+mod maps;
+mod surface;
+
 use std::f64::consts::FRAC_1_PI;
 
 use glam::DVec3;
@@ -183,7 +188,7 @@ fn few_samples_are_enough_for_a_simple_material() {
                 let (theta, phi) = (f64::from(i % 8) * 0.18, f64::from(i) * 2.4);
                 DVec3::new(theta.sin() * phi.cos(), theta.sin() * phi.sin(), theta.cos()).as_vec3()
             };
-            Pair { wo: at(i), wi: at(i * 7 + 3), value: glam::Vec3::new(0.2, 0.1, 0.05) }
+            Pair { wo: at(i), wi: at(i * 7 + 3), value: glam::Vec3::new(0.2, 0.1, 0.05), ..Pair::default() }
         })
         .collect();
     let plan = Plan { steps: 600, ..small(Recipe::Default).for_samples(pairs.len()) };

@@ -1,0 +1,191 @@
+//! `neubrdf train --share`.
+
+use std::collections::BTreeSet;
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use anyhow::{Context, Result, bail};
+use glam::DVec3;
+use neubrdf::scene::brdf::{Brdf, NeuBrdf, NeuBrdfPack, Precision};
+use neubrdf::train::measure::{Comparison, compare};
+use neubrdf::train::{Evaluator, Group, GroupReport, Model, Plan, Report, Session, cluster};
+
+use super::brdf_input::BrdfInput;
+use super::job::check_writable;
+use super::progress;
+use super::train::{Arguments, BALL, drawing, plan, provenance, truth, write};
+use super::train_loop::train;
+
+/// A material to learn, and its name in the pack.
+struct Member {
+    name: String,
+    input: BrdfInput,
+}
+
+/// Loads, groups, trains, measures, writes.
+pub fn run(arguments: &Arguments) -> Result<ExitCode> {
+    if arguments.model == Model::Nbrdf || arguments.compare_recipes {
+        bail!("--share: it goes with neither --model nbrdf nor --compare-recipes");
+    }
+    let members = members(arguments)?;
+    let groups = groups(arguments, &members);
+    let paths: Vec<PathBuf> = (0..groups.len()).map(|index| numbered(&arguments.output, index, groups.len())).collect();
+    paths.iter().try_for_each(|path| check_writable(path))?;
+    if !arguments.quiet && groups.len() > 1 {
+        for (group, path) in groups.iter().zip(&paths) {
+            let names: Vec<&str> = group.iter().map(|member| members[*member].name.as_str()).collect();
+            println!("{}: {}", path.display(), names.join(" "));
+        }
+    }
+    let interrupted = progress::interrupt_flag()?;
+    for (index, (group, path)) in groups.iter().zip(&paths).enumerate() {
+        let group: Vec<&Member> = group.iter().map(|member| &members[*member]).collect();
+        let checkpoint = arguments.checkpoint.as_ref().map(|path| numbered(path, index, groups.len()));
+        train_group(arguments, &group, path, checkpoint.as_deref(), &interrupted)?;
+        if interrupted.load(Ordering::SeqCst) && index + 1 < groups.len() {
+            bail!("interrupted: {} and later ones were not begun", paths[index + 1].display());
+        }
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+/// What is to be learned: each input, or the materials of these names of one, or all that it holds.
+fn members(arguments: &Arguments) -> Result<Vec<Member>> {
+    let mut members = Vec::new();
+    for path in &arguments.inputs {
+        let names = match arguments.name.as_slice() {
+            [] => Brdf::names(path)?,
+            _ if arguments.inputs.len() > 1 => bail!("--name: it picks materials of one input, and there are several"),
+            names => names.to_vec(),
+        };
+        let stem = path.file_stem().with_context(|| format!("{} names no file", path.display()))?.to_string_lossy();
+        if names.is_empty() {
+            members.push(Member { name: stem.into_owned(), input: BrdfInput::load(path, None, drawing(arguments))? });
+        }
+        for name in names {
+            let input = BrdfInput::load(path, Some(&name), drawing(arguments))?;
+            members.push(Member { name, input });
+        }
+    }
+    if let Some(varying) = members.iter().find(|member| member.input.texels.is_some()) {
+        bail!("{}: it varies over a texture; --share is for materials that are the same everywhere", varying.name);
+    }
+    let mut names = BTreeSet::new();
+    if let Some(twice) = members.iter().find(|member| !names.insert(member.name.as_str())) {
+        bail!("two materials are called `{}`: the members of a pack need names of their own", twice.name);
+    }
+    let most = NeuBrdfPack::MAX_MATERIALS;
+    if members.len() > most {
+        bail!("{} materials: a pack holds at most {most}", members.len());
+    }
+    Ok(members)
+}
+
+/// Members of each group.
+fn groups(arguments: &Arguments, members: &[Member]) -> Vec<Vec<usize>> {
+    let count = members.len();
+    let (groups, most) = match (arguments.groups, arguments.group_size) {
+        (Some(groups), _) => (groups, count),
+        (_, Some(most)) => (count.div_ceil(most.max(1)), most.max(1)),
+        _ => return vec![(0..count).collect()],
+    };
+    let eval = |member: &Member| cluster::features(&|wo, wi| member.input.brdf.eval(wo, wi));
+    cluster::groups(&members.iter().map(eval).collect::<Vec<_>>(), groups, most)
+}
+
+/// `path` with the number of a group, from 1, behind its stem, unless there is but one.
+fn numbered(path: &Path, index: usize, count: usize) -> PathBuf {
+    if count == 1 {
+        return path.to_owned();
+    }
+    let stem = path.file_stem().unwrap_or_default().to_string_lossy();
+    let ending = path.extension().map(|ending| format!(".{}", ending.to_string_lossy())).unwrap_or_default();
+    path.with_file_name(format!("{stem}-{}{ending}", index + 1))
+}
+
+/// A plan of all members, which have one recipe, but the grid that suits their measurements.
+fn plans(arguments: &Arguments, members: &[&Member]) -> Vec<Plan> {
+    let is_isotropic = members.iter().all(|member| member.input.brdf.is_isotropic());
+    let of = |member: &&Member| plan(arguments, &member.input, is_isotropic);
+    members.iter().map(of).map(|plan| plan.for_group(members.len(), arguments.codes)).collect()
+}
+
+fn train_group(
+    arguments: &Arguments,
+    members: &[&Member],
+    output: &Path,
+    checkpoint: Option<&Path>,
+    interrupted: &AtomicBool,
+) -> Result<()> {
+    let sessions = plans(arguments, members).into_iter().zip(members).map(|(plan, Member { input, .. })| {
+        let eval = |wo: DVec3, wi: DVec3| input.brdf.eval(wo, wi);
+        Ok(Session::new(plan, &input.ground_truth(&eval))?)
+    });
+    let mut group = Group::new(sessions.collect::<Result<_>>()?, arguments.share_network)?;
+    if let Some(path) = checkpoint.filter(|_| arguments.resume) {
+        group.restore(path)?;
+    }
+    let seconds = train(&mut group, checkpoint, interrupted, arguments.quiet)?;
+
+    // What is measured is what the file says, rounded numbers and all.
+    let precision = if arguments.f32 { Precision::F32 } else { Precision::F16 };
+    let named = |(member, brdf): (&&Member, NeuBrdf)| (member.name.clone(), brdf);
+    let pack = NeuBrdfPack { materials: members.iter().zip(group.neubrdfs()).map(named).collect() };
+    let mut pack = NeuBrdfPack::decode(&pack.encode(precision)?)?;
+    let evaluators: Vec<Evaluator> = pack.materials.iter().map(|(_, brdf)| Evaluator::neubrdf(brdf)).collect();
+    let compared: Vec<Comparison> = members
+        .iter()
+        .zip(&evaluators)
+        .map(|(Member { input, .. }, fit)| {
+            compare(BALL, input.brdf.is_isotropic(), &|pairs| fit.eval(pairs), &|pairs| truth(input, pairs))
+        })
+        .collect();
+    for (((_, brdf), session), (member, comparison)) in
+        pack.materials.iter_mut().zip(group.members()).zip(members.iter().zip(&compared))
+    {
+        brdf.provenance = provenance(&member.input, session, &comparison.errors);
+        brdf.provenance.training.insert("materials that share a codebook".into(), members.len().to_string());
+    }
+    let bytes = pack.encode(precision)?;
+    write(output, &bytes)?;
+    let report = |(session, (member, comparison)): (&Session, (&&Member, &Comparison))| Report {
+        source: member.input.name.clone(),
+        plan: session.plan.clone(),
+        steps: session.steps(),
+        loss: session.loss(),
+        seconds,
+        bytes: bytes.len().div_ceil(members.len()),
+        errors: comparison.errors.clone(),
+        recipes: Vec::new(),
+    };
+    let report = GroupReport {
+        shares_network: group.shares_network(),
+        seconds,
+        bytes: bytes.len(),
+        members: group.members().iter().zip(members.iter().zip(&compared)).map(report).collect(),
+    };
+    if !arguments.no_report {
+        report.write_json(&output.with_extension("json"))?;
+        let page = output.with_extension("html");
+        let section = |index: usize| {
+            let fit = |pairs: &[[DVec3; 2]]| evaluators[index].eval(pairs);
+            let gain = group.members()[index].gain();
+            let truth = |pairs: &[[DVec3; 2]]| truth(&members[index].input, pairs);
+            Ok(report.members[index].section(&page, &compared[index], gain, &fit, &truth)?)
+        };
+        report.write_html(&page, &(0..members.len()).map(section).collect::<Result<Vec<_>>>()?)?;
+    }
+    if !arguments.quiet {
+        println!(
+            "{}: {} materials, {} bytes, {} steps in {seconds:.1} s; mean |Δ ln(1+f)| {:.5}, mean ball SSIM {:.4}",
+            output.display(),
+            members.len(),
+            bytes.len(),
+            group.steps(),
+            report.mean(|errors| errors.pairs.log),
+            report.mean(|errors| errors.ball.ssim),
+        );
+    }
+    Ok(())
+}

@@ -1,0 +1,127 @@
+//! What training commands do from the first step to the last.
+
+use std::path::Path;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Instant;
+
+use anyhow::Result;
+use neubrdf::train::{Error, Group, Session};
+
+use super::progress;
+
+/// Seconds between two checkpoints.
+const CHECKPOINT_INTERVAL: f64 = 30.0;
+
+/// Steps between two looks at the clock and the interrupt.
+const STRIDE: u32 = 16;
+
+/// What can be trained.
+pub trait Training {
+    /// Steps to take in all.
+    fn planned(&self) -> u32;
+    fn steps(&self) -> u32;
+    fn loss(&self) -> f64;
+    fn is_done(&self) -> bool;
+    fn step(&mut self);
+    fn wind_down(&mut self);
+    fn save(&mut self, path: &Path) -> Result<(), Error>;
+}
+
+impl Training for Session {
+    fn planned(&self) -> u32 {
+        self.plan.steps
+    }
+
+    fn steps(&self) -> u32 {
+        self.steps()
+    }
+
+    fn loss(&self) -> f64 {
+        self.loss()
+    }
+
+    fn is_done(&self) -> bool {
+        self.is_done()
+    }
+
+    fn step(&mut self) {
+        self.step();
+    }
+
+    fn wind_down(&mut self) {
+        self.wind_down();
+    }
+
+    fn save(&mut self, path: &Path) -> Result<(), Error> {
+        self.save(path)
+    }
+}
+
+impl Training for Group {
+    fn planned(&self) -> u32 {
+        self.members()[0].plan.steps
+    }
+
+    fn steps(&self) -> u32 {
+        self.steps()
+    }
+
+    fn loss(&self) -> f64 {
+        self.loss()
+    }
+
+    fn is_done(&self) -> bool {
+        self.is_done()
+    }
+
+    fn step(&mut self) {
+        self.step();
+    }
+
+    fn wind_down(&mut self) {
+        self.wind_down();
+    }
+
+    fn save(&mut self, path: &Path) -> Result<(), Error> {
+        self.save(path)
+    }
+}
+
+/// Trains under a bar, with checkpoints, until the end or Ctrl-C, which raises `interrupted`. Returns the seconds that it took.
+pub fn train(
+    training: &mut dyn Training,
+    checkpoint: Option<&Path>,
+    interrupted: &AtomicBool,
+    is_quiet: bool,
+) -> Result<f64> {
+    let started = Instant::now();
+    let bar = progress::bar(training.planned().into(), is_quiet);
+    let mut last_checkpoint = Instant::now();
+    let mut is_winding_down = false;
+    while !training.is_done() {
+        for _ in 0..STRIDE {
+            if !training.is_done() {
+                training.step();
+            }
+        }
+        bar.set_position(training.steps().into());
+        bar.set_message(format!("loss {:.5}", training.loss()));
+        if is_winding_down {
+            continue;
+        }
+        let is_interrupted = interrupted.load(Ordering::SeqCst);
+        if let Some(path) = checkpoint
+            && (is_interrupted || last_checkpoint.elapsed().as_secs_f64() >= CHECKPOINT_INTERVAL)
+        {
+            training.save(path)?;
+            last_checkpoint = Instant::now();
+        }
+        if is_interrupted {
+            // The checkpoint goes on as if nothing had happened; the file gets the best that can be had soon.
+            training.wind_down();
+            is_winding_down = true;
+        }
+    }
+    bar.finish();
+    Ok(started.elapsed().as_secs_f64())
+}
