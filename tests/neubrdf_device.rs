@@ -53,7 +53,12 @@ fn queries(n_side: u32, random_count: usize, hard_count: usize) -> Vec<NeuBrdfQu
     let mut random = Stream(17);
     let hard = hard_directions(n_side);
     let above = |w: DVec3| DVec3::new(w.x, w.y, w.z.max(1e-6)).as_vec3();
-    let query = |wo: Vec3, wi_1: Vec3, wi_2: Vec3| NeuBrdfQuery { wo: wo.into(), wi_1: wi_1.into(), wi_2: wi_2.into(), ..Default::default() };
+    let query = |wo: Vec3, wi_1: Vec3, wi_2: Vec3| NeuBrdfQuery {
+        wo: wo.into(),
+        wi_1: wi_1.into(),
+        wi_2: wi_2.into(),
+        ..Default::default()
+    };
     let mut found: Vec<NeuBrdfQuery> = (0..random_count)
         .map(|_| query(above(random.direction()), above(random.direction()), above(random.direction())))
         .collect();

@@ -37,8 +37,12 @@ impl Evaluations {
             let rho = (1.0 - z * z).sqrt();
             DVec3::new(rho * azimuth.cos(), rho * azimuth.sin(), z).as_vec3().to_array()
         };
-        let query =
-            |i: usize| NeuBrdfQuery { wo: direction(3 * i), wi_1: direction(3 * i + 1), wi_2: direction(3 * i + 2), ..Default::default() };
+        let query = |i: usize| NeuBrdfQuery {
+            wo: direction(3 * i),
+            wi_1: direction(3 * i + 1),
+            wi_2: direction(3 * i + 2),
+            ..Default::default()
+        };
         let queries: Vec<NeuBrdfQuery> = (0..PAIRS).map(query).collect();
         let table = Buffer::with_data(device, "table", &pack_neubrdf(brdf, &shape))?;
         let input = Buffer::with_data(device, "queries", &queries)?;

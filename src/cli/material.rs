@@ -79,7 +79,9 @@ pub fn run(arguments: Arguments) -> Result<ExitCode> {
         let places = if input.brdf.is_spatial() { CHECKED_PLACES } else { 0 };
         let at = |place: usize| {
             let footprint = measure::place(place);
-            check(is_isotropic, &|pairs| pairs.par_iter().map(|[wo, wi]| input.brdf.eval_at(footprint, *wo, *wi)).collect())
+            check(is_isotropic, &|pairs| {
+                pairs.par_iter().map(|[wo, wi]| input.brdf.eval_at(footprint, *wo, *wi)).collect()
+            })
         };
         (0..places).map(at).fold(check(is_isotropic, &eval), Check::merge)
     });

@@ -217,7 +217,8 @@ fn pack(models: &[&NeuBrdf], shape: &NeuBrdfShape, before: impl Fn(&NeuBrdf) -> 
     let arrays: Vec<[Vec<u32>; 3]> = models
         .iter()
         .map(|model| {
-            let codes = |table: &SphereTable| numbers(&filled_codes(&table.codebook, shape.feature_groups), shape.precision);
+            let codes =
+                |table: &SphereTable| numbers(&filled_codes(&table.codebook, shape.feature_groups), shape.precision);
             [codes(&model.wi), codes(&model.wo), numbers(&pack_layers(model, shape), shape.precision)]
         })
         .collect();

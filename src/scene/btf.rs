@@ -62,7 +62,11 @@ impl Btf {
         find_images(directory, directory, DEEPEST, &mut images)?;
         if images.is_empty() {
             let found = "no image";
-            return Err(Error::unexpected(Place::file(directory), found, "images named like tl015_pl090_tv000_pv000.png"));
+            return Err(Error::unexpected(
+                Place::file(directory),
+                found,
+                "images named like tl015_pl090_tv000_pv000.png",
+            ));
         }
         images.sort_by(|a, b| a.path.cmp(&b.path));
         Ok(Btf {

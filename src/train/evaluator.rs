@@ -3,8 +3,8 @@
 use glam::DVec3;
 use rayon::prelude::*;
 
-use super::measure::Query;
 use super::gather::{Corners, Rows, Texels, gather_features, in_frame};
+use super::measure::Query;
 use super::network::{Network, Shard};
 use super::product::padded;
 use super::result::network_of;

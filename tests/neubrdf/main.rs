@@ -11,9 +11,10 @@ use std::sync::{Arc, LazyLock};
 use common::random_neubrdf::{Shape, Stream, random_neubrdf};
 use glam::{DVec2, DVec3};
 use neubrdf::material::turned;
+use neubrdf::scene::Scene;
 use neubrdf::scene::brdf::{
-    Codebook, CornerWeights, Flaw, Footprint, NO_CODE, NeuBrdf, Precision, Provenance, SphereGrid, SphereTable, SurfaceGrid,
-    SurfaceTable,
+    Codebook, CornerWeights, Flaw, Footprint, NO_CODE, NeuBrdf, Precision, Provenance, SphereGrid, SphereTable,
+    SurfaceGrid, SurfaceTable,
 };
 use proptest::prelude::*;
 
@@ -253,19 +254,28 @@ proptest! {
     }
 }
 
+#[test]
+fn a_mesh_without_texture_coordinates_is_warned_of() {
+    let folder = tempfile::tempdir().unwrap();
+    let write = |name: &str, bytes: &[u8]| fs::write(folder.path().join(name), bytes).unwrap();
+    let scene = "[[mesh]]\nfile = \"a.obj\"\n[environment]\nradiance = 1\n[material.m]\ntype = \"measured\"\nfile = \"m.neubrdf\"\n";
+    write("scene.toml", scene.as_bytes());
+    let faces =
+        |corner: &str| format!("v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nusemtl m\nf 1{corner} 2{corner} 3{corner}\n");
+    for (shape, corner, warns) in [(VARYING, "", true), (VARYING, "/1", false), (SMALL, "", false)] {
+        write("m.neubrdf", &random_neubrdf(shape, 1).encode(Precision::F16).unwrap());
+        write("a.obj", faces(corner).as_bytes());
+        let (_, warnings) = Scene::load(folder.path().join("scene.toml")).unwrap();
+        let found = warnings.iter().any(|warning| warning.message.contains("no texture coordinates"));
+        assert_eq!(found, warns, "{warnings:?}");
+    }
+}
+
 /// The network by hand: a feature a hemisphere, a layer that passes them on, and one more.
 #[test]
 fn values_are_those_of_the_formula() {
     let shape =
-        Shape {
-            n_side: 1,
-            codes: 1,
-            features: 1,
-            hidden: &[2],
-            is_isotropic: false,
-            is_pruned: false,
-            ..SMALL
-        };
+        Shape { n_side: 1, codes: 1, features: 1, hidden: &[2], is_isotropic: false, is_pruned: false, ..SMALL };
     let mut brdf = random_neubrdf(shape, 1);
     (codes(&mut brdf.wi)[0], codes(&mut brdf.wo)[0]) = (2.0, 3.0);
     brdf.layers[0].weights = vec![1.0, 1.0, 1.0, -1.0];

@@ -23,8 +23,8 @@ use serde::{Deserialize, Serialize};
 
 use super::neubrdf_payload::{Reader, Writer};
 use super::{
-    Codebook, CornerWeights, Dense, Encoding, Flaw, NeuBrdf, Precision, Provenance, SamplingLobe, SphereTable, SurfaceTable,
-    neubrdf_file_1, picked,
+    Codebook, CornerWeights, Dense, Encoding, Flaw, NeuBrdf, Precision, Provenance, SamplingLobe, SphereTable,
+    SurfaceTable, neubrdf_file_1, picked,
 };
 use crate::scene::error::{Error, Place, read_bytes};
 

@@ -134,11 +134,9 @@ mod tests {
 
     #[test]
     fn a_pyramid_ends_in_one_texel() {
-        for (width, height, sizes) in [
-            (1, 1, vec![[1, 1]]),
-            (8, 8, vec![[8, 8], [4, 4], [2, 2], [1, 1]]),
-            (5, 2, vec![[5, 2], [2, 1], [1, 1]]),
-        ] {
+        for (width, height, sizes) in
+            [(1, 1, vec![[1, 1]]), (8, 8, vec![[8, 8], [4, 4], [2, 2], [1, 1]]), (5, 2, vec![[5, 2], [2, 1], [1, 1]])]
+        {
             let grid = SurfaceGrid::new(width, height).unwrap();
             let found: Vec<_> = (0..grid.level_count()).map(|level| grid.size(level)).collect();
             assert_eq!(found, sizes);
