@@ -1,9 +1,9 @@
 //! Several materials that learn one codebook a hemisphere together.
 //!
-//! Until points are given codes, all members go through one network, each with features of its own: so these mean the same in all of
-//! them, and what is alike is near to each other. K-means over the points of all members then finds the codebook, and each member
-//! goes on with its own copy of the network, or with the common one. Gradients of what is shared are added in the order of the
-//! members: the result is the same whatever the number of threads.
+//! All begin with one network and one set of features, each in a copy of its own, and go their own ways for a few steps: so what is
+//! alike in several materials is still near to each other when k-means over the points of all finds the codebook. From then on the
+//! codes alone are common, or the network too, which then is so from the start. Gradients of what is shared are added in the order of
+//! the members: the result is the same whatever the number of threads.
 
 use rayon::prelude::*;
 
@@ -17,11 +17,15 @@ use super::trainer::Rates;
 use super::{Error, Session};
 use crate::scene::brdf::NeuBrdf;
 
+/// Share of the steps after which points are given codes. Later, when each member has found features of its own, one codebook fits
+/// them worse.
+const QUANTISE_AT: f32 = 0.05;
+
 /// Trainings that share codebooks, and all that continuing takes.
 pub struct Group {
     /// One a material. What is shared is equal in all; the moments of it, the first one keeps.
     pub(super) members: Vec<Session>,
-    /// Whether the network is common to the end.
+    /// Whether the network is common, too.
     pub(super) shares_network: bool,
 }
 
@@ -52,7 +56,7 @@ impl Group {
         &self.members
     }
 
-    /// Whether the network is common to the end.
+    /// Whether the network is common, too.
     pub fn shares_network(&self) -> bool {
         self.shares_network
     }
@@ -74,13 +78,15 @@ impl Group {
 
     /// Each member takes a step.
     pub fn step(&mut self) {
-        if self.members[0].is_time_to_quantise() {
+        let first = &self.members[0];
+        if first.steps() == first.step_at(QUANTISE_AT) {
             self.quantise();
         }
         self.members.iter_mut().for_each(Session::prune_in_time);
         let rates = self.members[0].rates();
         self.members.par_iter_mut().for_each(|member| {
-            let loss = member.trainer.find_gradients(member.plan.batch, rates);
+            // An isotropic member's loss may be another than that of one that is not; what rates say besides is the same.
+            let loss = member.trainer.find_gradients(member.plan.batch, member.rates());
             member.note_loss(loss);
         });
         if rates.tables > 0.0 {
@@ -127,9 +133,6 @@ impl Group {
             let members = self.members.par_iter_mut();
             members.for_each(|member| member.trainer.tables[side].quantise_to(found.clone()));
         }
-        // From here on each goes its own way.
-        let moments = self.members[0].trainer.adam.clone();
-        self.members[1..].iter_mut().for_each(|member| member.trainer.adam.clone_from(&moments));
     }
 
     fn step_tables(&mut self, rates: Rates) {
@@ -173,7 +176,7 @@ impl Group {
     }
 
     fn step_networks(&mut self, rates: Rates) {
-        if self.shares_network || !self.is_quantised() {
+        if self.shares_network {
             let sum = sum(self.members.iter().map(|member| member.trainer.network_gradient()));
             self.members[0].trainer.step_network(&sum, rates);
             let Some((first, others)) = self.members.split_first_mut() else { return };

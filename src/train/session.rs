@@ -117,19 +117,15 @@ impl Session {
 
     /// Takes a step.
     pub fn step(&mut self) {
-        if self.is_time_to_quantise() {
+        let Plan { model, recipe, .. } = self.plan;
+        let is_quantised = model == Model::NeuBrdf && recipe == Recipe::Default;
+        if is_quantised && self.trainer.step == self.step_at(QUANTISE_AT) {
             self.quantise();
         }
         self.prune_in_time();
         let rates = self.rates();
         let loss = self.trainer.train(self.plan.batch, rates);
         self.note_loss(loss);
-    }
-
-    /// Whether points are to be given codes before the next step.
-    pub(super) fn is_time_to_quantise(&self) -> bool {
-        let Plan { model, recipe, .. } = self.plan;
-        model == Model::NeuBrdf && recipe == Recipe::Default && self.trainer.step == self.step_at(QUANTISE_AT)
     }
 
     /// Prunes the network, if that is due before the next step.
@@ -161,7 +157,7 @@ impl Session {
         }
     }
 
-    fn step_at(&self, share: f32) -> u32 {
+    pub(super) fn step_at(&self, share: f32) -> u32 {
         (share * self.plan.steps as f32) as u32
     }
 
