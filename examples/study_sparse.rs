@@ -9,13 +9,14 @@ mod study;
 
 use std::f64::consts::{FRAC_PI_2, PI};
 use std::path::PathBuf;
+use std::sync::Arc;
 use std::time::Instant;
 
 use anyhow::{Context, Result};
 use clap::Parser;
 use glam::DVec3;
 use neubrdf::material::turned;
-use neubrdf::scene::brdf::{NO_CODE, NeuBrdf, Precision, Sparse, SparseSample, SphereGrid, SphereTable};
+use neubrdf::scene::brdf::{Codebook, NO_CODE, NeuBrdf, Precision, Sparse, SparseSample, SphereGrid, SphereTable};
 use neubrdf::train::measure::{Eval, FitErrors, compare};
 use neubrdf::train::{Evaluator, GroundTruth, Model, Pair, Plan, Quality, Recipe, Session};
 use rayon::prelude::*;
@@ -118,6 +119,7 @@ fn compared(arguments: &Arguments, truth: &Truth, kind: &Kind) -> Result<Outcome
         wo: sample.wo.as_vec3(),
         wi: sample.wi.as_vec3(),
         value: sample.value,
+        ..Pair::default()
     };
     let pairs = samples.iter().map(pair).flat_map(|pair| [pair, pair.reciprocal()]).collect();
     let plan = Plan::new(Model::NeuBrdf, Recipe::Default, arguments.quality, truth.is_isotropic);
@@ -287,12 +289,19 @@ fn print_points(kinds: &[Kind]) -> Result<()> {
         let count = grid.point_count();
         let [wi, wo] = seen.map(|seen| {
             let indices = vec![0; count];
-            let mut table = SphereTable { grid, features: 1, codes: vec![0.0], indices, levels: Vec::new() };
+            let codebook = Arc::new(Codebook { features: 1, codes: vec![0.0] });
+            let mut table = SphereTable { grid, codebook, indices, levels: Vec::new() };
             table.prune(|pixel| seen[pixel as usize]);
             table.indices.iter().filter(|index| **index != NO_CODE).count() as f64 / count as f64
         });
         let percent = |share: f64| format!("{:.1} %", 100.0 * share);
-        println!("| {name} | {} | {} | {} | {} |", directions.len(), percent(wi), percent(wo), percent(0.5 * (wi + wo)));
+        println!(
+            "| {name} | {} | {} | {} | {} |",
+            directions.len(),
+            percent(wi),
+            percent(wo),
+            percent(0.5 * (wi + wo))
+        );
     }
     Ok(())
 }

@@ -143,6 +143,10 @@ typedef enum NeubrdfReserve {
    */
   NEUBRDF_RESERVE_TEXTURES = 32,
   /**
+   * NeuBRDFs that vary over a texture.
+   */
+  NEUBRDF_RESERVE_FOOTPRINTS = 64,
+  /**
    * Diffuse materials.
    */
   NEUBRDF_RESERVE_DIFFUSE = 256,

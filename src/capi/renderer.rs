@@ -55,6 +55,8 @@ pub enum NeubrdfReserve {
     Instances = 16,
     /// Textured materials.
     Textures = 32,
+    /// NeuBRDFs that vary over a texture.
+    Footprints = 64,
     /// Diffuse materials.
     Diffuse = 256,
     /// Conductors.
@@ -247,7 +249,7 @@ impl NeubrdfOptions {
             (NeubrdfReserve::Sparse, Family::Sparse),
         ];
         let has = |bit: NeubrdfReserve| self.reserve & bit as u32 != 0;
-        if self.reserve & !0x7_ff3f != 0 {
+        if self.reserve & !0x7_ff7f != 0 {
             return Err(Failure::argument(format!(
                 "NeubrdfOptions.reserve is {:#x}: bits of NeubrdfReserve",
                 self.reserve
@@ -262,6 +264,7 @@ impl NeubrdfOptions {
             lens: has(NeubrdfReserve::Lens),
             instanced: has(NeubrdfReserve::Instances),
             textures: has(NeubrdfReserve::Textures),
+            footprints: has(NeubrdfReserve::Footprints),
             neubrdf_queues: self.neubrdf_count.clamp(1, Features::MOST_NEUBRDF_QUEUES),
         })
     }

@@ -183,7 +183,7 @@ pub struct MaterialTable {
     /// The records, in the order of the scene's materials, without the addresses of their tables.
     records: Vec<MaterialRecord>,
     /// Which of the tables belongs to each record, and the byte of it at which what the record needs begins, a multiple of 16.
-    table_of: Vec<Option<(usize, u64)>>,
+    table_of: Vec<Option<TablePlace>>,
 }
 
 /// The materials of a scene on the device, of which one may be replaced.
@@ -259,6 +259,9 @@ impl DeviceMaterials {
     }
 }
 
+/// Which of the tables, and from which byte on.
+type TablePlace = (usize, u64);
+
 impl MaterialTable {
     /// Packs the materials of a scene with these BRDFs; the numbers of NeuBRDFs in that precision.
     pub fn new(materials: &[Material], brdfs: &[Arc<Brdf>], precision: Precision) -> MaterialTable {
@@ -274,7 +277,7 @@ impl MaterialTable {
         let neubrdf_shape = NeuBrdfShape::of(neubrdfs(brdfs.iter().map(Arc::as_ref)), precision);
         let mut packed = MaterialTable { tables: Vec::new(), neubrdf_shape, records: Vec::new(), table_of: Vec::new() };
         let neubrdf_places = packed.push_neubrdfs(materials, brdfs);
-        let mut known: Vec<(Arc<Prepared>, Option<(usize, u64)>)> = Vec::new();
+        let mut known: Vec<(Arc<Prepared>, Option<TablePlace>)> = Vec::new();
         for (material, prepared) in materials.iter().zip(prepared) {
             packed.records.push(MaterialRecord::new(material, prepared, brdfs));
             let position = known.iter().position(|(other, _)| Arc::ptr_eq(other, prepared)).unwrap_or_else(|| {
@@ -294,13 +297,13 @@ impl MaterialTable {
 
     /// The records, for [`MaterialTable::tables`] at these device addresses, multiples of 16.
     pub fn records(&self, addresses: &[u64]) -> Vec<MaterialRecord> {
-        let address = |at: &Option<(usize, u64)>| at.map_or(0, |(index, byte)| addresses[index] + byte);
+        let address = |at: &Option<TablePlace>| at.map_or(0, |(index, byte)| addresses[index] + byte);
         let with_address = |(record, at): (&MaterialRecord, _)| MaterialRecord { table: address(at), ..*record };
         self.records.iter().zip(&self.table_of).map(with_address).collect()
     }
 
     /// Adds the NeuBRDFs of these materials, and tells where each one is.
-    fn push_neubrdfs(&mut self, materials: &[Material], brdfs: &[Arc<Brdf>]) -> BTreeMap<u32, (usize, u64)> {
+    fn push_neubrdfs(&mut self, materials: &[Material], brdfs: &[Arc<Brdf>]) -> BTreeMap<u32, TablePlace> {
         let model = |brdf: u32| if let Brdf::NeuBrdf(model) = &*brdfs[brdf as usize] { Some(&**model) } else { None };
         let measured =
             |material: &Material| if let Surface::Measured { brdf } = material.surface { Some(brdf) } else { None };
@@ -314,7 +317,7 @@ impl MaterialTable {
         models.into_keys().zip(firsts).map(|(brdf, first)| (brdf, (table, 4 * u64::from(first)))).collect()
     }
 
-    fn push_table(&mut self, table: Vec<u32>) -> (usize, u64) {
+    fn push_table(&mut self, table: Vec<u32>) -> TablePlace {
         self.tables.push(table);
         (self.tables.len() - 1, 0)
     }
