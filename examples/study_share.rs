@@ -1,6 +1,6 @@
 //! `make study-share`: what sharing codebooks costs, and what it saves.
 //!
-//! The published networks of MERL's materials, or as many of them as are asked for, are put into groups of 1, 2, 4 … that share a
+//! The published networks, as many of them as are asked for, MERL's first, are put into groups of 1, 2, 4 … that share a
 //! codebook a hemisphere: at random, and by how alike they are. Each group leaves a JSON file in the folder; what is there is not
 //! done again. Prints a table in Markdown and draws it.
 

@@ -18,7 +18,7 @@ use super::{Error, Session};
 use crate::scene::brdf::NeuBrdf;
 
 /// Share of the steps after which points are given codes. Later, when each member has found features of its own, one codebook fits
-/// them worse.
+/// them worse: docs/sharing.md.
 const QUANTISE_AT: f32 = 0.05;
 
 /// Trainings that share codebooks, and all that continuing takes.
