@@ -14,7 +14,7 @@ use clap::Parser;
 use neubrdf::scene::brdf::{Nbrdf, NeuBrdf, Precision};
 use neubrdf::train::{Evaluator, Model, Plan, Quality, Recipe};
 use serde::{Deserialize, Serialize};
-use study::{Cost, Errors, Truth, bar, errors, kept, key, ours, published, train};
+use study::{Cost, Errors, Truth, all, bar, errors, kept, key, train};
 
 /// Fit materials and print how good the fits are.
 #[derive(Parser)]
@@ -53,11 +53,7 @@ struct Row {
 fn main() -> Result<()> {
     let arguments = Arguments::parse();
     std::fs::create_dir_all(&arguments.folder)?;
-    let mut truths = published()?;
-    if truths.is_empty() {
-        eprintln!("no published networks in ../shared/data/nbrdf: they are left out");
-    }
-    truths.extend(ours());
+    let mut truths = all()?;
     let words = &arguments.materials;
     if !words.is_empty() {
         let place = |truth: &Truth| {

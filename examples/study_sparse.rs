@@ -17,13 +17,13 @@ use clap::Parser;
 use glam::DVec3;
 use neubrdf::material::turned;
 use neubrdf::scene::brdf::{Codebook, NO_CODE, NeuBrdf, Precision, Sparse, SparseSample, SphereGrid, SphereTable};
-use neubrdf::train::measure::{Eval, FitErrors, compare};
+use neubrdf::train::measure::Eval;
 use neubrdf::train::{Evaluator, GroundTruth, Model, Pair, Plan, Quality, Recipe, Session};
 use rayon::prelude::*;
 use rstar::RTree;
 use rstar::primitives::GeomWithData;
 use serde::{Deserialize, Serialize};
-use study::{Errors, Truth, bar, kept, key, ours, published};
+use study::{Errors, Truth, all, bar, errors_of, kept, key};
 
 /// Fit few measurements, and print how much that says of the rest.
 #[derive(Parser)]
@@ -78,11 +78,7 @@ struct Guess {
 fn main() -> Result<()> {
     let arguments = Arguments::parse();
     std::fs::create_dir_all(&arguments.folder)?;
-    let mut truths = published()?;
-    if truths.is_empty() {
-        eprintln!("no published networks in ../shared/data/nbrdf: they are left out");
-    }
-    truths.extend(ours());
+    let mut truths = all()?;
     match arguments.materials.as_slice() {
         [] => truths.retain(|truth| MATERIALS.contains(&truth.name.as_str())),
         names => truths.retain(|truth| names.contains(&truth.name)),
@@ -146,15 +142,7 @@ fn compared(arguments: &Arguments, truth: &Truth, kind: &Kind) -> Result<Outcome
 }
 
 fn guess(truth: &Truth, eval: Eval) -> Result<Guess> {
-    let measured = |pairs: &[[DVec3; 2]]| truth.measure(pairs);
-    let FitErrors { pairs, ball, worst_albedo, .. } = compare(BALL, truth.is_isotropic, eval, &measured).errors;
-    let errors = Errors {
-        log: pairs.log,
-        relative_rmse: pairs.relative_rmse,
-        ssim: ball.ssim,
-        flip: ball.flip,
-        albedo: worst_albedo,
-    };
+    let errors = errors_of(truth, BALL, eval);
     let pairs = texel(TIMED);
     let alone = rayon::ThreadPoolBuilder::new().num_threads(1).build()?;
     let started = Instant::now();

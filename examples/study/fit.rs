@@ -8,7 +8,7 @@ use glam::DVec3;
 use indicatif::{ProgressBar, ProgressStyle};
 use neubrdf::converge::{Stopwatch, Timing};
 use neubrdf::image::atomic_write;
-use neubrdf::train::measure::{FitErrors, compare};
+use neubrdf::train::measure::{Eval, FitErrors, compare};
 use neubrdf::train::{Evaluator, GroundTruth, Plan, Session};
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
@@ -56,9 +56,13 @@ pub fn train(truth: &Truth, plan: Plan) -> Result<(Session, Cost)> {
 
 /// Measures a fit.
 pub fn errors(truth: &Truth, fit: &Evaluator) -> Errors {
+    errors_of(truth, BALL, &|pairs| fit.eval(pairs))
+}
+
+/// Measures anything that says what the ground truth is, by a ball of so many pixels to a side.
+pub fn errors_of(truth: &Truth, ball: usize, eval: Eval) -> Errors {
     let measured = |pairs: &[[DVec3; 2]]| truth.measure(pairs);
-    let FitErrors { pairs, ball, worst_albedo, .. } =
-        compare(BALL, truth.is_isotropic, &|pairs| fit.eval(pairs), &measured).errors;
+    let FitErrors { pairs, ball, worst_albedo, .. } = compare(ball, truth.is_isotropic, eval, &measured).errors;
     Errors {
         log: pairs.log,
         relative_rmse: pairs.relative_rmse,

@@ -5,5 +5,5 @@
 mod fit;
 mod truths;
 
-pub use fit::{Cost, Errors, bar, errors, kept, key, train};
-pub use truths::{Truth, ours, published};
+pub use fit::{Cost, Errors, bar, errors, errors_of, kept, key, train};
+pub use truths::{Truth, all, ours, published};
