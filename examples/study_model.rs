@@ -31,7 +31,7 @@ struct Arguments {
     materials: Vec<String>,
     #[arg(long, value_enum, default_value = "draft")]
     quality: Quality,
-    /// Which sizes to vary: default, n-side, codes, features, hidden, weights or together; all without
+    /// Which sizes to vary: default, n-side, codes, features, hidden, weights, together or resolutions; all without
     #[arg(long, value_delimiter = ',')]
     axis: Vec<String>,
     /// Where results and the plot are kept
@@ -43,7 +43,7 @@ struct Arguments {
 }
 
 /// What is varied, each with the plot's words for it.
-const AXES: [(&str, &str); 7] = [
+const AXES: [(&str, &str); 8] = [
     ("default", "the default"),
     ("n-side", "N_side, each point its own code"),
     ("codes", "2ᵇ codes a hemisphere"),
@@ -51,22 +51,30 @@ const AXES: [(&str, &str); 7] = [
     ("hidden", "hidden neurons"),
     ("weights", "¼ a corner"),
     ("together", "several at once"),
+    ("resolutions", "several resolutions"),
 ];
 
 /// The sizes of a model.
 #[derive(Clone, Copy, Serialize)]
 struct Sizes {
     n_side: u32,
+    resolutions: usize,
     /// b: a hemisphere has 2ᵇ codes; without, each point has its own.
     code_bits: Option<u32>,
-    /// F; without, the recipe's, which depends on whether the material is isotropic.
+    /// F, on each grid; without, the recipe's, which depends on whether the material is isotropic.
     features: Option<usize>,
     hidden: usize,
     corner_weights: CornerWeights,
 }
 
-const DEFAULT: Sizes =
-    Sizes { n_side: 16, code_bits: None, features: None, hidden: 64, corner_weights: CornerWeights::Bilinear };
+const DEFAULT: Sizes = Sizes {
+    n_side: 16,
+    resolutions: 1,
+    code_bits: None,
+    features: None,
+    hidden: 64,
+    corner_weights: CornerWeights::Bilinear,
+};
 
 /// All models, with the place of their axis in [`AXES`].
 fn models() -> Vec<(usize, Sizes)> {
@@ -84,6 +92,12 @@ fn models() -> Vec<(usize, Sizes)> {
         models.push((6, Sizes { features: Some(features), hidden, ..DEFAULT }));
     }
     models.push((6, Sizes { n_side: 32, features: Some(8), hidden: 32, ..DEFAULT }));
+    let pyramids = [(16, 2, 4), (16, 2, 8), (16, 3, 4), (32, 2, 4), (32, 2, 8), (32, 3, 4), (64, 3, 4), (64, 4, 4)];
+    models.extend(pyramids.map(|(n_side, resolutions, features)| {
+        (7, Sizes { n_side, resolutions, features: Some(features), ..DEFAULT })
+    }));
+    // The paper's: N_side 64 and 2⁸ codes, in as many features.
+    models.push((7, Sizes { n_side: 64, resolutions: 4, features: Some(4), code_bits: Some(8), ..DEFAULT }));
     models
 }
 
@@ -92,6 +106,7 @@ impl Sizes {
         let plan = Plan::new(Model::NeuBrdf, Recipe::Default, quality, is_isotropic);
         Plan {
             n_side: [self.n_side; 2],
+            resolutions: self.resolutions,
             codes: self.code_bits.map_or(plan.codes, |bits| [1 << bits; 2]),
             features: self.features.unwrap_or(plan.features),
             hidden: self.hidden,
@@ -103,7 +118,11 @@ impl Sizes {
 
     fn name(&self) -> String {
         let codes = self.code_bits.map_or("own".to_owned(), |bits| format!("2^{bits}"));
-        let features = self.features.map_or("12/11".to_owned(), |features| features.to_string());
+        let features = match (self.resolutions, self.features) {
+            (_, None) => "12/11".to_owned(),
+            (1, Some(features)) => features.to_string(),
+            (resolutions, Some(features)) => format!("{resolutions} × {features}"),
+        };
         let weights = match self.corner_weights {
             CornerWeights::Uniform => "¼",
             CornerWeights::Bilinear => "bilinear",

@@ -457,6 +457,7 @@ fn checkers(side: u32) -> NeuBrdf {
         corner_weights: CornerWeights::Bilinear,
         wi: nothing.clone(),
         wo: nothing,
+        coarser: Vec::new(),
         surface: Some(SurfaceTable {
             grid,
             codebook: Arc::new(Codebook { features: 1, codes: albedos.into() }),

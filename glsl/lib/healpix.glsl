@@ -68,6 +68,12 @@ SphereCell sphere_ancestor(SphereCell cell, uint level) {
     return SphereCell(cell.quadrant, first.x, first.y, size, uv);
 }
 
+// The pixel that contains a smallest one, on the grid of N_side / 2^steps.
+SphereCell sphere_coarser(SphereCell cell, uint steps) {
+    SphereCell ancestor = sphere_ancestor(cell, steps);
+    return SphereCell(cell.quadrant, ancestor.i >> steps, ancestor.j >> steps, 1u, ancestor.uv);
+}
+
 SphereCorners sphere_corners(uint n_side, SphereCell cell) {
     uint east = cell.i + cell.size;
     uint west = cell.j + cell.size;

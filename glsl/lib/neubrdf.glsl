@@ -28,9 +28,10 @@
 #include "lib/healpix.glsl"
 
 // Features of the place, of wo, and of wi.
-const uint NEUBRDF_INPUT_GROUPS = NEUBRDF_SURFACE_GROUPS + 2u * NEUBRDF_FEATURE_GROUPS;
+const uint NEUBRDF_DIRECTION_GROUPS = NEUBRDF_RESOLUTIONS * NEUBRDF_FEATURE_GROUPS;
+const uint NEUBRDF_INPUT_GROUPS = NEUBRDF_SURFACE_GROUPS + 2u * NEUBRDF_DIRECTION_GROUPS;
 // Of these, what is the same for all directions of light: where some model is isotropic, wo's hang on them.
-const uint NEUBRDF_SHARED_GROUPS = NEUBRDF_SURFACE_GROUPS + (NEUBRDF_ISOTROPIC ? 0u : NEUBRDF_FEATURE_GROUPS);
+const uint NEUBRDF_SHARED_GROUPS = NEUBRDF_SURFACE_GROUPS + (NEUBRDF_ISOTROPIC ? 0u : NEUBRDF_DIRECTION_GROUPS);
 const uint NEUBRDF_GROUPS = NEUBRDF_INPUT_GROUPS > NEUBRDF_HIDDEN_GROUPS ? NEUBRDF_INPUT_GROUPS : NEUBRDF_HIDDEN_GROUPS;
 const uint NEUBRDF_SLOTS = NEUBRDF_DIRECTIONS * NEUBRDF_GROUPS;    // one direction after another
 const uint NEUBRDF_PAIRS = NEUBRDF_LAYERS / 2u;
@@ -43,9 +44,8 @@ uint neubrdf_first(uint distance) {
 
 #include "lib/neubrdf_surface.glsl"
 
-// The weighted sum of the codes at the corners of the pixel of w: features of direction d, from group `first` on.
-void neubrdf_features(NeuBrdfTable table, SphereTableRecord sphere, bool has_equal_weights, vec3 w, uint d, uint first, inout vec4 x[NEUBRDF_SLOTS]) {
-    SphereCell cell = sphere_cell(sphere.n_side, w);
+// The weighted sum of the codes at the corners of a smallest pixel: features from slot `first` on.
+void neubrdf_corners(NeuBrdfTable table, SphereTableRecord sphere, bool has_equal_weights, SphereCell cell, uint first, inout vec4 x[NEUBRDF_SLOTS]) {
     if (sphere.levels != 0u) {
         uint pixel = sphere_pixel(sphere.n_side, cell);
         cell = sphere_ancestor(cell, neubrdf_word(table, 4u * sphere.levels + (pixel >> 2)) >> (8u * (pixel & 3u)) & 0xffu);
@@ -61,7 +61,34 @@ void neubrdf_features(NeuBrdfTable table, SphereTableRecord sphere, bool has_equ
         uint group = neubrdf_first(sphere.codes) + code * NEUBRDF_FEATURE_GROUPS;
         [[unroll]] for (uint i = 0u; i < NEUBRDF_FEATURE_GROUPS; ++i) {
             vec4 feature = corners.weights[corner] * neubrdf_numbers(table, group + i);
-            x[d * NEUBRDF_GROUPS + first + i] = corner == 0u ? feature : x[d * NEUBRDF_GROUPS + first + i] + feature;
+            x[first + i] = corner == 0u ? feature : x[first + i] + feature;
+        }
+    }
+}
+
+SphereTableRecord neubrdf_sphere(NeuBrdfTable table, uint word) {
+    return SphereTableRecord(neubrdf_word(table, word), neubrdf_word(table, word + 1u), neubrdf_word(table, word + 2u),
+        neubrdf_word(table, word + 3u));
+}
+
+// The features of a direction w on all grids of its hemisphere, from slot `first` on: `finest` is the record of the finest, and behind the
+// header, every other one from `side` on, are those of the coarser. The place on the finest tells that on all.
+void neubrdf_features(NeuBrdfTable table, SphereTableRecord finest, uint side, NeuBrdfHeader header, vec3 w, uint first, inout vec4 x[NEUBRDF_SLOTS]) {
+    SphereCell cell = sphere_cell(finest.n_side, w);
+    [[unroll]] for (uint coarser = 0u; coarser < NEUBRDF_RESOLUTIONS; ++coarser) {
+        uint slot = first + coarser * NEUBRDF_FEATURE_GROUPS;
+        if (coarser > 0u && coarser > header.coarser) {
+            [[unroll]] for (uint i = 0u; i < NEUBRDF_FEATURE_GROUPS; ++i) {
+                x[slot + i] = vec4(0.0);
+            }
+        } else {
+            SphereTableRecord sphere = finest;
+            uint steps = 0u;
+            if (coarser > 0u) {
+                sphere = neubrdf_sphere(table, NEUBRDF_HEADER_WORDS + 4u * (2u * coarser - 2u + side));
+                steps = uint(findMSB(finest.n_side) - findMSB(sphere.n_side));
+            }
+            neubrdf_corners(table, sphere, header.has_equal_weights != 0u, sphere_coarser(cell, steps), slot, x);
         }
     }
 }
@@ -135,7 +162,6 @@ vec3 neubrdf_decode(NeuBrdfHeader header, vec3 y) {
 // f(wo, wi) as seen at a place, without the cosine, for directions above the surface.
 void neubrdf_values(NeuBrdfTable table, NeuBrdfPlace place, vec3 wo, vec3 wi[NEUBRDF_DIRECTIONS], out vec3 f[NEUBRDF_DIRECTIONS]) {
     NeuBrdfHeader header = neubrdf_header(table);
-    bool has_equal_weights = header.has_equal_weights != 0u;
     vec4 x[NEUBRDF_SLOTS];
     if (NEUBRDF_SURFACE_GROUPS > 0u) {
         neubrdf_surface_features(table, header.surface, place, x);
@@ -144,10 +170,11 @@ void neubrdf_values(NeuBrdfTable table, NeuBrdfPlace place, vec3 wo, vec3 wi[NEU
         bool turns = NEUBRDF_ISOTROPIC && header.is_isotropic != 0u;
         vec3 wi_turned = turns ? vec3(length(wi[d].xy), 0.0, wi[d].z) : wi[d];
         vec3 wo_turned = turns ? neubrdf_turned(wo, wi[d]) : wo;
-        neubrdf_features(table, header.wi, has_equal_weights, wi_turned, d, NEUBRDF_SURFACE_GROUPS + NEUBRDF_FEATURE_GROUPS, x);
+        uint first = d * NEUBRDF_GROUPS + NEUBRDF_SURFACE_GROUPS;
+        neubrdf_features(table, header.wi, 0u, header, wi_turned, first + NEUBRDF_DIRECTION_GROUPS, x);
         // Where no model is isotropic, wo's are the same for all.
         if (d == 0u || NEUBRDF_ISOTROPIC) {
-            neubrdf_features(table, header.wo, has_equal_weights, wo_turned, d, NEUBRDF_SURFACE_GROUPS, x);
+            neubrdf_features(table, header.wo, 1u, header, wo_turned, first, x);
         }
     }
     uint at = neubrdf_first(header.layers);

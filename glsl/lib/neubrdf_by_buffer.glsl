@@ -45,16 +45,13 @@ vec4 neubrdf_numbers(NeuBrdfTable table, uint group) {
     return uintBitsToFloat(uvec4(low, high));
 }
 
-SphereTableRecord neubrdf_sphere(NeuBrdfTable table, uint index) {
-    return SphereTableRecord(neubrdf_word(table, index), neubrdf_word(table, index + 1u), neubrdf_word(table, index + 2u),
-        neubrdf_word(table, index + 3u));
-}
-
 NeuBrdfHeader neubrdf_header(NeuBrdfTable table) {
-    return NeuBrdfHeader(neubrdf_sphere(table, 0u), neubrdf_sphere(table, 4u),
+    return NeuBrdfHeader(
+        SphereTableRecord(neubrdf_word(table, 0u), neubrdf_word(table, 1u), neubrdf_word(table, 2u), neubrdf_word(table, 3u)),
+        SphereTableRecord(neubrdf_word(table, 4u), neubrdf_word(table, 5u), neubrdf_word(table, 6u), neubrdf_word(table, 7u)),
         neubrdf_word(table, 8u), neubrdf_word(table, 9u), neubrdf_word(table, 10u),
         uintBitsToFloat(neubrdf_word(table, 11u)), uintBitsToFloat(neubrdf_word(table, 12u)), uintBitsToFloat(neubrdf_word(table, 13u)),
-        neubrdf_word(table, 14u), 0u);
+        neubrdf_word(table, 14u), neubrdf_word(table, 15u));
 }
 
 struct NeuBrdfRun {

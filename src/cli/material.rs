@@ -131,6 +131,8 @@ fn describe(brdf: &NeuBrdf) -> serde_json::Value {
             "points": table.indices.iter().filter(|index| **index != neubrdf::scene::brdf::NO_CODE).count(),
         })
     };
+    let coarser: Vec<_> =
+        brdf.coarser.iter().map(|[wi, wo]| serde_json::json!({ "wi": table(wi), "wo": table(wo) })).collect();
     let widths: Vec<u32> = brdf.layers.iter().map(|layer| layer.inputs).chain([3]).collect();
     let surface = brdf.surface.as_ref().map(|surface| {
         serde_json::json!({
@@ -139,7 +141,7 @@ fn describe(brdf: &NeuBrdf) -> serde_json::Value {
         })
     });
     serde_json::json!({
-        "wi": table(&brdf.wi), "wo": table(&brdf.wo), "surface": surface, "widths": widths, "corner_weights": brdf.corner_weights,
+        "wi": table(&brdf.wi), "wo": table(&brdf.wo), "coarser": coarser, "surface": surface, "widths": widths, "corner_weights": brdf.corner_weights,
         "encoding": brdf.encoding, "provenance": brdf.provenance,
     })
 }

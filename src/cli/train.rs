@@ -61,6 +61,9 @@ pub struct Arguments {
     /// N_side of both grids: a power of two up to 128
     #[arg(long)]
     pub(super) n_side: Option<u32>,
+    /// Resolutions of the grids: N_side, a half of it, a quarter …, each with features of its own; up to 4
+    #[arg(long)]
+    pub(super) resolutions: Option<usize>,
     /// Features of a code, up to 32
     #[arg(long)]
     pub(super) features: Option<usize>,
@@ -255,7 +258,7 @@ fn recipe_plan(arguments: &Arguments, input: &BrdfInput, recipe: Recipe, is_isot
 /// What is done: the same, of the sizes that are asked for.
 pub(super) fn plan(arguments: &Arguments, input: &BrdfInput, is_isotropic: bool) -> Plan {
     let plan = recipe_plan(arguments, input, arguments.recipe, is_isotropic);
-    let Plan { n_side, features, codes, surface, hidden, pruned, corner_weights, .. } = plan;
+    let Plan { n_side, resolutions, features, codes, surface, hidden, pruned, corner_weights, .. } = plan;
     let surface = surface.map(|surface| SurfacePlan {
         features: arguments.texel_features.unwrap_or(surface.features),
         codes: arguments.texel_codes.unwrap_or(surface.codes),
@@ -264,6 +267,7 @@ pub(super) fn plan(arguments: &Arguments, input: &BrdfInput, is_isotropic: bool)
     let hidden = arguments.hidden.unwrap_or(hidden);
     Plan {
         n_side: arguments.n_side.map_or(n_side, |n_side| [n_side; 2]),
+        resolutions: arguments.resolutions.unwrap_or(resolutions),
         features: arguments.features.unwrap_or(features),
         codes: arguments.codes.map_or(codes, |codes| [codes; 2]),
         surface,

@@ -13,7 +13,9 @@ impl NeuBrdf {
     /// f(wo, wi) as seen at a place.
     pub fn eval_at(&self, footprint: Footprint, wo: DVec3, wi: DVec3) -> DVec3 {
         let [wo, wi] = if self.is_isotropic { turned(wo, wi) } else { [wo, wi] };
-        let mut x = [features(&self.wi, wi, self.corner_weights), features(&self.wo, wo, self.corner_weights)].concat();
+        let directions = [wi, wo].into_iter().cycle();
+        let of_direction = |(table, w)| features(table, w, self.corner_weights);
+        let mut x: Vec<f64> = self.hemispheres().zip(directions).flat_map(of_direction).collect();
         x.extend(self.surface.iter().flat_map(|surface| surface_features(surface, footprint)));
         for (index, layer) in self.layers.iter().enumerate() {
             let rows = layer.weights.chunks_exact(layer.inputs as usize).zip(&layer.bias);

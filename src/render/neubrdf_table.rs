@@ -38,7 +38,7 @@ crate::shared_structs! {
         pub most_exponent: f32,
         pub inverse_gain: f32,
         pub surface: u32,
-        pub padding: u32,
+        pub coarser: u32,
     }
 
     /// A view, two directions of light, above the surface, and where they are: what `eval_neubrdf` reads.
@@ -76,8 +76,10 @@ const MOST_LANES: u32 = 8;
 /// What a kernel is built for, and all models that it evaluates are filled up to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct NeuBrdfShape {
-    /// Groups of four features of a direction.
+    /// Groups of four features of a direction on one grid.
     feature_groups: u32,
+    /// Grids of each hemisphere.
+    resolutions: u32,
     /// Groups of four features of a place; 0 where no model varies.
     surface_groups: u32,
     /// Groups of four neurons of each layer but the last.
@@ -96,6 +98,7 @@ impl NeuBrdfShape {
     pub fn of<'a>(models: impl IntoIterator<Item = &'a NeuBrdf>, precision: Precision) -> NeuBrdfShape {
         let none = NeuBrdfShape {
             feature_groups: 1,
+            resolutions: 1,
             surface_groups: 0,
             hidden_groups: 1,
             layers: 2,
@@ -104,9 +107,11 @@ impl NeuBrdfShape {
             lanes: 1,
         };
         models.into_iter().fold(none, |shape, model| {
+            let features = model.hemispheres().map(|table| table.codebook.features.div_ceil(4));
             let hidden = model.layers.iter().rev().skip(1).map(|layer| layer.outputs.div_ceil(4));
             NeuBrdfShape {
-                feature_groups: shape.feature_groups.max(model.wi.codebook.features.div_ceil(4)),
+                feature_groups: features.fold(shape.feature_groups, u32::max),
+                resolutions: shape.resolutions.max(model.coarser.len() as u32 + 1),
                 surface_groups: shape.surface_groups.max(surface_features(model).div_ceil(4)),
                 hidden_groups: hidden.fold(shape.hidden_groups, u32::max),
                 layers: shape.layers.max(model.layers.len() as u32),
@@ -121,6 +126,8 @@ impl NeuBrdfShape {
     pub fn holds(&self, model: &NeuBrdf) -> bool {
         let one = NeuBrdfShape::of([model], self.precision);
         one.feature_groups <= self.feature_groups
+            && one.resolutions <= self.resolutions
+            && one.surface_groups <= self.surface_groups
             && one.hidden_groups <= self.hidden_groups
             && one.layers <= self.layers
             && one.is_isotropic <= self.is_isotropic
@@ -139,7 +146,7 @@ impl NeuBrdfShape {
     }
 
     /// The specialization constants of `glsl/layout/neubrdf.glsl`.
-    pub fn specialization(&self) -> [(u32, u32); 7] {
+    pub fn specialization(&self) -> [(u32, u32); 8] {
         [
             (20, self.feature_groups),
             (21, self.hidden_groups),
@@ -148,6 +155,7 @@ impl NeuBrdfShape {
             (24, u32::from(self.is_isotropic)),
             (25, self.lanes),
             (28, self.surface_groups),
+            (31, self.resolutions),
         ]
     }
 }
@@ -184,7 +192,7 @@ pub fn neubrdf_precision<'a>(models: impl IntoIterator<Item = &'a NeuBrdf>) -> P
     let layer_fits = |layer: &Dense| layer.weights.iter().chain(&layer.bias).all(fits);
     let surface_fits = |surface: &SurfaceTable| surface.codebook.codes.iter().all(fits);
     let model_fits = |m: &NeuBrdf| {
-        table_fits(&m.wi) && table_fits(&m.wo) && m.surface.iter().all(surface_fits) && m.layers.iter().all(layer_fits)
+        m.hemispheres().all(table_fits) && m.surface.iter().all(surface_fits) && m.layers.iter().all(layer_fits)
     };
     if models.into_iter().all(model_fits) { Precision::F16 } else { Precision::F32 }
 }
@@ -204,22 +212,33 @@ pub fn pack_neubrdf(model: &NeuBrdf, shape: &NeuBrdfShape) -> Vec<u32> {
     pack(&[model], shape, |_| Vec::new()).0
 }
 
-/// Where a header tells how far the codes of ωi, those of ωo and the layers are from it, in words.
-const DISTANCES: [usize; 3] = [
-    offset_of!(NeuBrdfHeader, wi.codes) / 4,
-    offset_of!(NeuBrdfHeader, wo.codes) / 4,
-    offset_of!(NeuBrdfHeader, layers) / 4,
-];
+/// Words of a header, behind which the records of coarser grids stand.
+const HEADER_WORDS: usize = size_of::<NeuBrdfHeader>() / 4;
+const RECORD_WORDS: usize = size_of::<SphereTableRecord>() / 4;
+
+/// Where a record tells how far the codes are from the header, and where a header tells it of the layers.
+const CODES: usize = offset_of!(SphereTableRecord, codes) / 4;
+const LAYERS: usize = offset_of!(NeuBrdfHeader, layers) / 4;
+
+/// Where the record of a hemisphere is, in words from the header; they are counted by [`NeuBrdf::hemispheres`].
+fn record_at(side: usize) -> usize {
+    match side {
+        0 => offset_of!(NeuBrdfHeader, wi) / 4,
+        1 => offset_of!(NeuBrdfHeader, wo) / 4,
+        _ => HEADER_WORDS + (side - 2) * RECORD_WORDS,
+    }
+}
 
 /// Models one after another, each behind some words of its own, multiples of four, and where each begins. Arrays that are used
 /// more than once stand behind all models: distances are counted forward.
 fn pack(models: &[&NeuBrdf], shape: &NeuBrdfShape, before: impl Fn(&NeuBrdf) -> Vec<u32>) -> (Vec<u32>, Vec<u32>) {
-    let arrays: Vec<[Vec<u32>; 3]> = models
+    // Of each model the codes of its hemispheres, and the layers behind them.
+    let arrays: Vec<Vec<Vec<u32>>> = models
         .iter()
         .map(|model| {
-            let codes =
-                |table: &SphereTable| numbers(&filled_codes(&table.codebook, shape.feature_groups), shape.precision);
-            [codes(&model.wi), codes(&model.wo), numbers(&pack_layers(model, shape), shape.precision)]
+            let codes = |table: &SphereTable| filled_codes(&table.codebook, shape.feature_groups);
+            let arrays = model.hemispheres().map(codes).chain([pack_layers(model, shape)]);
+            arrays.map(|array| numbers(&array, shape.precision)).collect()
         })
         .collect();
     // For each array the headers that will have to know where it is: the word of the distance, and where it is counted from.
@@ -234,18 +253,20 @@ fn pack(models: &[&NeuBrdf], shape: &NeuBrdfShape, before: impl Fn(&NeuBrdf) -> 
         firsts.push(words.len() as u32);
         words.append(&mut before(model));
         let header = words.len();
-        let mut own = vec![0; size_of::<NeuBrdfHeader>() / 4];
-        let [wi_codes, wo_codes, layers] = [0, 1, 2].map(|part| {
-            let array = arrays[part].as_slice();
-            users.get_mut(array).map_or(Some(array), |places| {
+        let layers = arrays.len() - 1;
+        let mut own_arrays = Vec::new();
+        for (part, array) in arrays.iter().map(Vec::as_slice).enumerate() {
+            own_arrays.push(users.get_mut(array).map_or(Some(array), |places| {
                 if places.is_empty() {
                     shared.push(array);
                 }
-                places.push([header + DISTANCES[part], header]);
+                let distance = if part < layers { record_at(part) + CODES } else { LAYERS };
+                places.push([header + distance, header]);
                 None
-            })
-        });
-        push_model(&mut own, model, shape, [wi_codes, wo_codes, layers]);
+            }));
+        }
+        let mut own = vec![0; record_at(layers)];
+        push_model(&mut own, model, shape, &own_arrays);
         words.append(&mut own);
         words.resize(words.len().next_multiple_of(4), 0);
     }
@@ -262,17 +283,14 @@ fn pack(models: &[&NeuBrdf], shape: &NeuBrdfShape, before: impl Fn(&NeuBrdf) -> 
     (words, firsts)
 }
 
-/// Fills `words`, which hold the place of the header, with a model; of arrays that stand elsewhere it leaves the distances open.
-fn push_model(
-    words: &mut Vec<u32>,
-    model: &NeuBrdf,
-    shape: &NeuBrdfShape,
-    [wi_codes, wo_codes, layers]: [Option<&[u32]>; 3],
-) {
-    let wi = push_sphere(words, &model.wi, wi_codes);
-    let wo = push_sphere(words, &model.wo, wo_codes);
+/// Fills `words`, which hold the place of the header and of the records behind it, with a model: codes of its hemispheres, then layers. Of arrays
+/// that stand elsewhere it leaves the distances open.
+fn push_model(words: &mut Vec<u32>, model: &NeuBrdf, shape: &NeuBrdfShape, arrays: &[Option<&[u32]>]) {
+    let tables = model.hemispheres().zip(arrays);
+    let records: Vec<SphereTableRecord> = tables.map(|(table, codes)| push_sphere(words, table, *codes)).collect();
+    let (finest, coarser) = records.split_at(2);
     let surface = model.surface.as_ref().map_or(0, |surface| push_surface(words, surface, shape));
-    let layers = layers.map_or(0, |layers| {
+    let layers = arrays[records.len()].map_or(0, |layers| {
         let first = push(words, layers);
         // Subgroups may read a little beyond the end.
         words.extend([0; MOST_LANES as usize]);
@@ -280,8 +298,8 @@ fn push_model(
     });
     let encoding = model.encoding;
     let header = NeuBrdfHeader {
-        wi,
-        wo,
+        wi: finest[0],
+        wo: finest[1],
         layers,
         is_isotropic: model.is_isotropic.into(),
         has_equal_weights: (model.corner_weights == CornerWeights::Uniform).into(),
@@ -289,10 +307,10 @@ fn push_model(
         most_exponent: (f64::from(encoding.gain) * f64::from(encoding.max)).ln_1p() as f32,
         inverse_gain: 1.0 / encoding.gain,
         surface,
-        padding: 0,
+        coarser: model.coarser.len() as u32,
     };
-    let header: &[u32] = cast_slice(std::slice::from_ref(&header));
-    words[..header.len()].copy_from_slice(header);
+    words[..HEADER_WORDS].copy_from_slice(cast_slice(std::slice::from_ref(&header)));
+    words[HEADER_WORDS..record_at(records.len())].copy_from_slice(cast_slice(coarser));
 }
 
 /// Appends an array, and returns where it begins, in groups of four words.
@@ -365,21 +383,22 @@ fn pack_layers(model: &NeuBrdf, shape: &NeuBrdfShape) -> Vec<f32> {
     let hidden = 4 * shape.hidden_groups as usize;
     let features = 4 * shape.feature_groups as usize;
     let surface = 4 * shape.surface_groups as usize;
-    let first = model.wi.codebook.features as usize;
+    let resolutions = shape.resolutions as usize;
+    // Where the inputs of the first layer go, which here are by hemispheres, and behind them the place's: there the place's come first, then ωo's on
+    // all grids, then ωi's, each filled up.
+    let hemisphere = |(side, table): (usize, &SphereTable)| {
+        let behind = if side % 2 == 0 { resolutions } else { 0 } + side / 2;
+        let first = surface + behind * features;
+        first..first + table.codebook.features as usize
+    };
+    let of_place = 0..surface_features(model) as usize;
+    let places: Vec<usize> = model.hemispheres().enumerate().map(hemisphere).chain([of_place]).flatten().collect();
     let mut layers: Vec<Filled> = Vec::new();
     let (last, others) = model.layers.split_last().map_or((None, &[][..]), |(last, others)| (Some(last), others));
     for layer in others {
-        // Inputs of the first layer: here the features of ωi come first, then those of ωo and of the place; there in the opposite order, each
-        // filled up.
         let is_first = layers.is_empty();
-        let width = if is_first { surface + 2 * features } else { hidden };
-        let place = |input: usize| match input {
-            _ if !is_first => input,
-            _ if input < first => input + surface + features,
-            _ if input < 2 * first => input - first + surface,
-            _ => input - 2 * first,
-        };
-        layers.push(Filled::new(layer, width, hidden, place));
+        let width = if is_first { surface + 2 * resolutions * features } else { hidden };
+        layers.push(Filled::new(layer, width, hidden, |input| if is_first { places[input] } else { input }));
     }
     // What is not negative passes unchanged through a layer that has ReLU and ones on its diagonal.
     while layers.len() + 1 < shape.layers as usize {

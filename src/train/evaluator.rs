@@ -20,7 +20,7 @@ pub struct Evaluator {
 }
 
 struct Features {
-    tables: [SphereTable; 2],
+    tables: Vec<SphereTable>,
     texels: Option<SurfaceGrid>,
     /// F, and points × F, of each table.
     rows: Vec<(usize, Vec<f32>)>,
@@ -34,7 +34,7 @@ const ROWS: usize = 256;
 impl Evaluator {
     /// Of a NeuBRDF.
     pub fn neubrdf(brdf: &NeuBrdf) -> Evaluator {
-        let tables = [brdf.wi.clone(), brdf.wo.clone()];
+        let tables: Vec<SphereTable> = brdf.hemispheres().cloned().collect();
         let rows = |codebook: &Codebook, indices: &[u16]| {
             let features = codebook.features as usize;
             let row = |index: &u16| {
@@ -95,7 +95,8 @@ impl Evaluator {
             Some(Features { tables, texels, rows, corner_weights, .. }) => {
                 let frame = in_frame(wo, wi, self.is_isotropic);
                 let views: Vec<Rows> = rows.iter().map(|(features, rows)| Rows { features: *features, rows }).collect();
-                let corners = [0, 1].map(|side| Corners::of(&tables[side], frame[side], *corner_weights));
+                let of_direction = |(table, w)| Corners::of(table, w, *corner_weights);
+                let corners: Vec<Corners> = tables.iter().zip(frame.into_iter().cycle()).map(of_direction).collect();
                 let texels = texels.map(|grid| Texels::of(&grid, footprint));
                 gather_features(&views, &corners, texels.as_ref(), row);
             }

@@ -54,8 +54,9 @@ impl<'a> Rows<'a> {
     }
 }
 
-/// The features of ωi, those of ωo, and where there is a third table those of the place, at the start of `out`.
-pub fn gather_features(tables: &[Rows], corners: &[Corners; 2], texels: Option<&Texels>, out: &mut [f32]) {
+/// The features of directions, by [`NeuBrdf::hemispheres`](crate::scene::brdf::NeuBrdf::hemispheres), and where there is one more table those
+/// of the place, at the start of `out`.
+pub fn gather_features(tables: &[Rows], corners: &[Corners], texels: Option<&Texels>, out: &mut [f32]) {
     let mut rest = out;
     for (table, at) in tables.iter().zip(corners) {
         let (out, after) = rest.split_at_mut(table.features);
@@ -66,7 +67,7 @@ pub fn gather_features(tables: &[Rows], corners: &[Corners; 2], texels: Option<&
             *out = p * a[f] + q * b[f] + r * c[f] + s * d[f];
         }
     }
-    if let (Some(table), Some(texels)) = (tables.get(2), texels) {
+    if let (Some(table), Some(texels)) = (tables.get(corners.len()), texels) {
         let out = &mut rest[..table.features];
         out.fill(0.0);
         for (point, weight) in texels.points.into_iter().zip(texels.weights) {

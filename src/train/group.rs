@@ -15,7 +15,7 @@ use super::session::{QUANTISE, sampled};
 use super::table::{Quantiser, k_means};
 use super::trainer::Rates;
 use super::{Error, Session};
-use crate::scene::brdf::NeuBrdf;
+use crate::scene::brdf::{NeuBrdf, SphereTable};
 
 /// Share of the steps after which points are given codes. Later, when each member has found features of its own, one codebook fits
 /// them worse: docs/sharing.md.
@@ -106,12 +106,13 @@ impl Group {
         if !self.is_quantised() {
             return self.members.par_iter().filter_map(Session::neubrdf).collect();
         }
-        let [wi, wo] = [0, 1].map(|side| {
+        let mut tables: Vec<Vec<SphereTable>> = self.members.iter().map(|_| Vec::new()).collect();
+        for side in 0..self.members[0].hemispheres.len() {
             let trained: Vec<_> = self.members.iter().filter_map(|member| member.trained_points(side)).collect();
-            sphere_tables(&trained)
-        });
-        let tables = wi.into_par_iter().zip(wo);
-        self.members.par_iter().zip(tables).map(|(member, (wi, wo))| sampled(member.with_tables(wi, wo))).collect()
+            tables.iter_mut().zip(sphere_tables(&trained)).for_each(|(tables, table)| tables.push(table));
+        }
+        let members = self.members.par_iter().zip(tables);
+        members.filter_map(|(member, tables)| member.with_tables(tables).map(sampled)).collect()
     }
 
     /// Whether points have been given codes.
@@ -124,10 +125,12 @@ impl Group {
         if self.is_quantised() {
             return;
         }
-        let Plan { seed, features, codes, .. } = self.members[0].plan;
+        let plan = self.members[0].plan.clone();
+        let Plan { seed, features, .. } = plan;
         let mut random = Random::new(seed, QUANTISE);
-        for (side, codes) in codes.into_iter().enumerate() {
-            let used = |member: &Session| member.trainer.tables[side].used_rows(&member.used[side]);
+        let sides = self.members[0].hemispheres.len();
+        for (side, codes) in plan.table_codes().take(sides).enumerate() {
+            let used = |member: &Session| member.trainer.tables[side].used_rows(&member.hemispheres[side].used);
             let points: Vec<f32> = self.members.iter().flat_map(used).collect();
             let found = k_means(&points, features, codes, &mut random);
             let members = self.members.par_iter_mut();

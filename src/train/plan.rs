@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::Error;
-use crate::scene::brdf::{CornerWeights, SphereGrid, SurfaceGrid};
+use crate::scene::brdf::{CornerWeights, NeuBrdf, SphereGrid, SurfaceGrid};
 
 /// What is trained.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
@@ -77,6 +77,8 @@ pub struct Plan {
     pub recipe: Recipe,
     /// N_side of the grids of ωi and ωo.
     pub n_side: [u32; 2],
+    /// Resolutions: these grids, those of half their N_side, and so on; each has features of its own.
+    pub resolutions: usize,
     /// Features of a code, F.
     pub features: usize,
     /// Most codes of each hemisphere's codebook; more codes than points means that each point has its own.
@@ -117,6 +119,7 @@ impl Plan {
             model,
             recipe,
             n_side: [16; 2],
+            resolutions: 1,
             features: if is_isotropic { 12 } else { 11 },
             codes: [MOST_CODES; 2],
             surface: None,
@@ -153,12 +156,12 @@ impl Plan {
 
     /// Numbers that go into the network.
     pub(super) fn inputs(&self) -> usize {
-        2 * self.features + self.surface.map_or(0, |surface| surface.features)
+        2 * self.resolutions * self.features + self.surface.map_or(0, |surface| surface.features)
     }
 
     /// Most codes of each table.
     pub(super) fn table_codes(&self) -> impl Iterator<Item = usize> {
-        self.codes.into_iter().chain(self.surface.map(|surface| surface.codes))
+        self.codes.into_iter().cycle().take(2 * self.resolutions).chain(self.surface.map(|surface| surface.codes))
     }
 
     /// The texels.
@@ -187,13 +190,19 @@ impl Plan {
         Plan { codes, pairs: self.pairs.min((GROUP_PAIRS / members.max(1)).max(self.batch)), ..self }
     }
 
-    /// The grids of ωi and ωo.
-    pub(super) fn grids(&self) -> Result<[SphereGrid; 2], Error> {
-        let [Some(wi), Some(wo)] = self.n_side.map(SphereGrid::new) else {
-            let (name, found) = ("--n-side", format!("{:?}", self.n_side));
-            return Err(Error::Plan { name, found, expected: "powers of two, at most 128" });
-        };
-        Ok([wi, wo])
+    /// The grids of ωi and ωo by turns, the finest first.
+    pub(super) fn grids(&self) -> Result<Vec<SphereGrid>, Error> {
+        let error = |name, found, expected| Error::Plan { name, found, expected };
+        if let Some(n_side) = self.n_side.into_iter().find(|n_side| SphereGrid::new(*n_side).is_none()) {
+            return Err(error("--n-side", n_side.to_string(), "a power of two, at most 128"));
+        }
+        let too_many =
+            || error("--resolutions", self.resolutions.to_string(), "1 to 4, the coarsest of N_side 1 or more");
+        if !(1..=NeuBrdf::MAX_COARSER + 1).contains(&self.resolutions) {
+            return Err(too_many());
+        }
+        let sizes = (0..self.resolutions).flat_map(|coarser| self.n_side.map(|n_side| n_side >> coarser));
+        sizes.map(|n_side| SphereGrid::new(n_side).ok_or_else(too_many)).collect()
     }
 
     /// Errors if a number of the plan is beyond what the model or memory allow.
@@ -210,6 +219,9 @@ impl Plan {
         check("--texel-features", between(texel, 1, 32), texel.to_string(), "1 to 32")?;
         let fits = self.surface.is_none() || self.model == Model::NeuBrdf;
         check("--model", fits, "an NBRDF".to_owned(), "neubrdf, for a material that varies over a texture")?;
+        let most = NeuBrdf::MAX_WIDTH as usize;
+        let inputs = || format!("{} inputs of the network", self.inputs());
+        check("--features", self.inputs() <= most, inputs(), "at most 128 of all directions, resolutions and places")?;
         check("--hidden", between(self.hidden, 4, 128), self.hidden.to_string(), "4 to 128")?;
         check("pruned width", between(self.pruned, 4, self.hidden), self.pruned.to_string(), "4 to the width before")?;
         check(

@@ -87,8 +87,16 @@ impl Report {
         let [n_wi, n_wo] = plan.n_side;
         let _ = writeln!(
             page,
-            "<p>{:?}, recipe {:?}: N_side {n_wi} (ωi) and {n_wo} (ωo), F {}, hidden {}, {:?} weights; {} steps of {} pairs, seed {}.</p>",
-            plan.model, plan.recipe, plan.features, plan.pruned, plan.corner_weights, self.steps, plan.batch, plan.seed
+            "<p>{:?}, recipe {:?}: N_side {n_wi} (ωi) and {n_wo} (ωo), {} resolutions, F {}, hidden {}, {:?} weights; {} steps of {} pairs, seed {}.</p>",
+            plan.model,
+            plan.recipe,
+            plan.resolutions,
+            plan.features,
+            plan.pruned,
+            plan.corner_weights,
+            self.steps,
+            plan.batch,
+            plan.seed
         );
         page.push_str("<table>\n");
         for (name, value) in [

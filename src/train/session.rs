@@ -52,15 +52,21 @@ pub struct Session {
     pub(super) trainer: Trainer,
     is_isotropic: bool,
     encoding: Encoding,
-    grids: [SphereGrid; 2],
+    /// The grids of ωi and ωo by turns, the finest first.
+    pub(super) hemispheres: Vec<Hemisphere>,
     texels: Option<SurfaceGrid>,
-    /// Points of each hemisphere that the pairs need.
-    pub(super) used: [Vec<bool>; 2],
-    /// Pixels of each hemisphere that pairs lie in.
-    seen: [Vec<bool>; 2],
     pub(super) loss: f64,
     /// Where winding down began and where it ends, in steps.
     end: Option<[u32; 2]>,
+}
+
+/// A grid of directions.
+pub(super) struct Hemisphere {
+    grid: SphereGrid,
+    /// Points that the pairs need.
+    pub(super) used: Vec<bool>,
+    /// Pixels that pairs lie in.
+    seen: Vec<bool>,
 }
 
 impl Session {
@@ -78,11 +84,15 @@ impl Session {
         let count = pairs.len().max(plan.batch).next_multiple_of(plan.batch);
         let pairs: Vec<Pair> = pairs.iter().copied().cycle().take(count).collect();
 
-        let [mut used, mut seen] =
-            [grids.map(|grid| vec![false; grid.point_count()]), grids.map(|grid| vec![false; grid.pixel_count()])];
+        let empty = |grid: SphereGrid| Hemisphere {
+            grid,
+            used: vec![false; grid.point_count()],
+            seen: vec![false; grid.pixel_count()],
+        };
+        let mut hemispheres: Vec<Hemisphere> = grids.into_iter().map(empty).collect();
         let inputs = match plan.model {
             Model::Nbrdf => direct_inputs(&pairs, is_isotropic),
-            Model::NeuBrdf => corner_inputs(&plan, grids, is_isotropic, &pairs, &mut used, &mut seen),
+            Model::NeuBrdf => corner_inputs(&plan, is_isotropic, &pairs, &mut hemispheres),
         };
         let place = |pair: &Pair| [pair.uv.x, pair.uv.y, pair.area];
         let pool = Pool {
@@ -90,9 +100,9 @@ impl Session {
             inputs,
             places: texels.map(|grid| Places { grid, at: pairs.iter().map(place).collect() }),
         };
-        let (network, tables, head) = start(&plan, grids, texels, encoding);
+        let (network, tables, head) = start(&plan, &hemispheres, texels, encoding);
         let trainer = Trainer::new(network, tables, head, pool, plan.seed);
-        Ok(Session { plan, trainer, is_isotropic, encoding, grids, texels, used, seen, loss: f64::NAN, end: None })
+        Ok(Session { plan, trainer, is_isotropic, encoding, hemispheres, texels, loss: f64::NAN, end: None })
     }
 
     /// Whether all steps are done.
@@ -149,7 +159,7 @@ impl Session {
         }
         let mut random = Random::new(self.plan.seed, QUANTISE);
         let all_texels = vec![true; self.texels.map_or(0, |grid| grid.point_count())];
-        let used = self.used.iter().chain([&all_texels]);
+        let used = self.hemispheres.iter().map(|hemisphere| &hemisphere.used).chain([&all_texels]);
         for ((table, used), codes) in self.trainer.tables.iter_mut().zip(used).zip(self.plan.table_codes()) {
             if table.quantiser == Quantiser::Free {
                 table.quantise(codes, used, &mut random);
@@ -242,30 +252,35 @@ impl Session {
 
     /// The same with no lobe but the hemisphere's.
     fn unsampled(&self) -> Option<NeuBrdf> {
-        let [wi, wo] = [0, 1].map(|side| sphere_tables(&[self.trained_points(side)?]).pop());
-        Some(self.with_tables(wi?, wo?))
+        let tables = (0..self.hemispheres.len()).map(|side| sphere_tables(&[self.trained_points(side)?]).pop());
+        self.with_tables(tables.collect::<Option<_>>()?)
     }
 
-    /// What a table is made of, ωi's or ωo's; `None` if the model has none.
+    /// What a table of directions is made of; `None` if the model has none.
     pub(super) fn trained_points(&self, side: usize) -> Option<TrainedPoints<'_>> {
         let table = self.trainer.tables.get(side)?;
-        Some(TrainedPoints { table, grid: self.grids[side], seen: &self.seen[side] })
+        let Hemisphere { grid, seen, .. } = &self.hemispheres[side];
+        Some(TrainedPoints { table, grid: *grid, seen })
     }
 
-    /// The NeuBRDF of these tables, with no lobe but the hemisphere's.
-    pub(super) fn with_tables(&self, wi: SphereTable, wo: SphereTable) -> NeuBrdf {
-        let places = self.trainer.tables.get(2).zip(self.texels);
-        NeuBrdf {
+    /// The NeuBRDF of these tables, one a hemisphere, with no lobe but the hemisphere's.
+    pub(super) fn with_tables(&self, tables: Vec<SphereTable>) -> Option<NeuBrdf> {
+        let places = self.trainer.tables.get(tables.len()).zip(self.texels);
+        let mut tables = tables.into_iter();
+        let mut pair = || Some([tables.next()?, tables.next()?]);
+        let [wi, wo] = pair()?;
+        Some(NeuBrdf {
             is_isotropic: self.is_isotropic,
             corner_weights: self.plan.corner_weights,
             wi,
             wo,
+            coarser: std::iter::from_fn(pair).collect(),
             surface: places.map(|(table, grid)| surface_table(table, grid)),
             layers: layers(&self.trainer.network),
             encoding: self.encoding,
             lobe: SamplingLobe::COSINE,
             provenance: Provenance::default(),
-        }
+        })
     }
 
     /// The NBRDF as it is now; `None` if it is none, or not isotropic, which published ones are.
@@ -291,13 +306,13 @@ pub(super) fn sampled(mut brdf: NeuBrdf) -> NeuBrdf {
 /// A network and tables before their first step.
 fn start(
     plan: &Plan,
-    grids: [SphereGrid; 2],
+    hemispheres: &[Hemisphere],
     texels: Option<SurfaceGrid>,
     encoding: Encoding,
 ) -> (Network, Vec<Table>, Head) {
     let random = &mut Random::new(plan.seed, START);
     let Encoding { gain, scale, .. } = encoding;
-    let Plan { features, hidden, codes, .. } = *plan;
+    let Plan { features, hidden, .. } = *plan;
     if plan.model == Model::Nbrdf {
         return (Network::random(&[6, 21, 21, 3], random), Vec::new(), Head::LogPlusOne { gain, scale });
     }
@@ -307,7 +322,7 @@ fn start(
         Recipe::Default | Recipe::Unquantised => Table::free(points, features, random),
     };
     let mut tables: Vec<Table> =
-        grids.iter().zip(codes).map(|(grid, codes)| table(grid.point_count(), features, codes)).collect();
+        hemispheres.iter().zip(plan.table_codes()).map(|(at, codes)| table(at.used.len(), features, codes)).collect();
     let places = texels.zip(plan.surface);
     tables.extend(places.map(|(grid, surface)| table(grid.point_count(), surface.features, surface.codes)));
     (network, tables, Head::Encoded)
@@ -327,35 +342,26 @@ pub fn half_difference(wo: DVec3, wi: DVec3, is_isotropic: bool) -> [f32; 6] {
 }
 
 /// Where the features of pairs come from; marks the points and pixels that they need.
-fn corner_inputs(
-    plan: &Plan,
-    grids: [SphereGrid; 2],
-    is_isotropic: bool,
-    pairs: &[Pair],
-    used: &mut [Vec<bool>; 2],
-    seen: &mut [Vec<bool>; 2],
-) -> Inputs {
-    let tables = grids.map(whole_table);
-    let located: Vec<([Corners; 2], [u32; 2])> = pairs
+fn corner_inputs(plan: &Plan, is_isotropic: bool, pairs: &[Pair], hemispheres: &mut [Hemisphere]) -> Inputs {
+    let tables: Vec<SphereTable> = hemispheres.iter().map(|hemisphere| whole_table(hemisphere.grid)).collect();
+    let located: Vec<(Corners, u32)> = pairs
         .par_iter()
-        .map(|pair| {
+        .flat_map_iter(|pair| {
             let frame = in_frame(pair.wo.as_dvec3(), pair.wi.as_dvec3(), is_isotropic);
-            let at = |side: usize| {
-                (Corners::of(&tables[side], frame[side], plan.corner_weights), grids[side].locate(frame[side]).pixel)
+            let at = |(table, w): (&SphereTable, DVec3)| {
+                (Corners::of(table, w, plan.corner_weights), table.grid.locate(w).pixel)
             };
-            let [(wi, wi_pixel), (wo, wo_pixel)] = [at(0), at(1)];
-            ([wi, wo], [wi_pixel, wo_pixel])
+            tables.iter().zip(frame.into_iter().cycle()).map(at)
         })
         .collect();
-    for (corners, pixels) in &located {
-        for side in 0..2 {
-            seen[side][pixels[side] as usize] = true;
-            for (point, weight) in corners[side].points.into_iter().zip(corners[side].weights) {
-                used[side][point as usize] |= weight > 0.0;
-            }
+    for (at, (corners, pixel)) in located.iter().enumerate() {
+        let Hemisphere { used, seen, .. } = &mut hemispheres[at % tables.len()];
+        seen[*pixel as usize] = true;
+        for (point, weight) in corners.points.into_iter().zip(corners.weights) {
+            used[point as usize] |= weight > 0.0;
         }
     }
-    Inputs::Corners(located.into_iter().map(|(corners, _)| corners).collect())
+    Inputs::Corners(tables.len(), located.into_iter().map(|(corners, _)| corners).collect())
 }
 
 /// The encoding that suits these values: its gain is so high that the darker fifth of them still counts.

@@ -17,8 +17,8 @@ use crate::scene::brdf::{Footprint, SurfaceGrid};
 
 /// What the network sees of the pairs to learn from.
 pub enum Inputs {
-    /// Features gathered from the tables of ωi and ωo.
-    Corners(Vec<[Corners; 2]>),
+    /// Features gathered from the tables of directions: pairs × so many tables.
+    Corners(usize, Vec<Corners>),
     /// Numbers as they are, pairs × width.
     Direct(Vec<f32>),
 }
@@ -119,7 +119,7 @@ pub struct Trainer {
     pub network: Network,
     /// Their moments.
     pub adam: Adam,
-    /// Features of ωi, of ωo, and of the place where there is one; empty for a network on direct inputs.
+    /// Features of ωi and of ωo, by turns, on all grids, and of the place where there is one; empty for a network on direct inputs.
     pub tables: Vec<Table>,
     /// What outputs stand for.
     pub head: Head,
@@ -220,7 +220,7 @@ impl Trainer {
             }
         };
         let scatter = || {
-            let Inputs::Corners(corners) = &pool.inputs else { return };
+            let Inputs::Corners(sides, corners) = &pool.inputs else { return };
             if rates.tables == 0.0 {
                 return;
             }
@@ -232,12 +232,12 @@ impl Trainer {
             let columns: Vec<Range<usize>> = columns.collect();
             scatters.par_iter_mut().zip(columns).enumerate().for_each(|(side, (scatter, columns))| {
                 match (&pool.places, side) {
-                    (Some(places), 2) => scatter.add(columns, &blocks, shards, |pair| {
+                    (Some(places), side) if side == *sides => scatter.add(columns, &blocks, shards, |pair| {
                         let Texels { points, weights } = places.texels(pair);
                         (points, weights)
                     }),
                     _ => scatter.add(columns, &blocks, shards, |pair| {
-                        let Corners { points, weights } = corners[pair][side];
+                        let Corners { points, weights } = corners[pair * sides + side];
                         (points, weights)
                     }),
                 }
@@ -328,9 +328,9 @@ fn gather(pool: &Pool, tables: &[Rows], blocks: &[u32], shard: &mut Shard) {
     for (pair, row) in pairs_of(blocks).zip(shard.inputs().chunks_exact_mut(padded(width))) {
         match &pool.inputs {
             Inputs::Direct(numbers) => row[..width].copy_from_slice(&numbers[pair * width..][..width]),
-            Inputs::Corners(corners) => {
+            Inputs::Corners(sides, corners) => {
                 let texels = pool.places.as_ref().map(|places| places.texels(pair));
-                gather_features(tables, &corners[pair], texels.as_ref(), row);
+                gather_features(tables, &corners[pair * sides..][..*sides], texels.as_ref(), row);
             }
         }
     }

@@ -40,6 +40,7 @@ pub fn neubrdfs() -> Vec<(String, Arc<Brdf>)> {
         ("isotropic", Shape { is_isotropic: true, is_pruned: true, n_side: 16, hidden: &[16, 8], ..small }),
         ("varying", Shape { surface: Some(([5, 4], 3)), ..small }),
         ("varying, isotropic", Shape { is_isotropic: true, n_side: 8, surface: Some(([8, 8], 8)), ..small }),
+        ("of two resolutions", Shape { n_side: 8, resolutions: 2, ..small }),
         ("of one pixel size", Shape { n_side: 1, features: 2, hidden: &[7], ..small }),
     ];
     // The first two have codes of one seed, and share their codebooks as members of a pack do.

@@ -42,6 +42,8 @@ pub struct Shape {
     pub is_isotropic: bool,
     pub corner_weights: CornerWeights,
     pub n_side: u32,
+    /// Grids of a hemisphere, each half as fine as the one before.
+    pub resolutions: u32,
     pub features: u32,
     pub codes: usize,
     /// Outputs of the layers before the last.
@@ -58,6 +60,7 @@ impl Shape {
         is_isotropic: false,
         corner_weights: CornerWeights::Bilinear,
         n_side: 64,
+        resolutions: 1,
         features: 16,
         codes: 256,
         hidden: &[64, 64, 64],
@@ -70,8 +73,7 @@ impl Shape {
 pub fn random_neubrdf(shape: Shape, seed: u64) -> NeuBrdf {
     let mut random = Stream(seed);
     let half = |x: f32| half::f16::from_f32(x).to_f32();
-    let grid = SphereGrid::new(shape.n_side).unwrap();
-    let mut table = |is_wi: bool| {
+    let mut table = |grid: SphereGrid, is_wi: bool| {
         // Features vary smoothly over the hemisphere, as trained ones do: codes are the values at random directions.
         let waves: Vec<[f32; 4]> =
             (0..shape.features).map(|_| std::array::from_fn(|_| 3.0 * random.signed())).collect();
@@ -102,7 +104,12 @@ pub fn random_neubrdf(shape: Shape, seed: u64) -> NeuBrdf {
         }
         table
     };
-    let (wi, wo) = (table(true), table(false));
+    let mut pair = |coarser: u32| {
+        let grid = SphereGrid::new(shape.n_side >> coarser).unwrap();
+        [table(grid, true), table(grid, false)]
+    };
+    let [wi, wo] = pair(0);
+    let coarser = (1..shape.resolutions).map(pair).collect();
     let surface = shape.surface.map(|([width, height], features)| {
         let grid = SurfaceGrid::new(width, height).unwrap();
         let codes = shape.codes.min(grid.point_count());
@@ -113,7 +120,7 @@ pub fn random_neubrdf(shape: Shape, seed: u64) -> NeuBrdf {
             indices: (0..grid.point_count()).map(|_| random.below(codes) as u16).collect(),
         }
     });
-    let mut inputs = 2 * shape.features + shape.surface.map_or(0, |(_, features)| features);
+    let mut inputs = 2 * shape.resolutions * shape.features + shape.surface.map_or(0, |(_, features)| features);
     let mut layers = Vec::new();
     for outputs in shape.hidden.iter().copied().chain([3]) {
         let size = (6.0 / inputs as f32).sqrt() * if outputs == 3 { 0.5 } else { 1.0 };
@@ -127,6 +134,7 @@ pub fn random_neubrdf(shape: Shape, seed: u64) -> NeuBrdf {
         corner_weights: shape.corner_weights,
         wi,
         wo,
+        coarser,
         surface,
         layers,
         encoding: Encoding { gain: 100.0, scale: 2.0, max: 1e5 },

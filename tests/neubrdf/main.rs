@@ -23,6 +23,7 @@ const SMALL: Shape = Shape {
     is_isotropic: true,
     corner_weights: CornerWeights::Uniform,
     n_side: 4,
+    resolutions: 1,
     features: 3,
     codes: 5,
     hidden: &[4, 5],
@@ -32,6 +33,9 @@ const SMALL: Shape = Shape {
 
 /// The same over a texture.
 const VARYING: Shape = Shape { surface: Some(([3, 2], 5)), ..SMALL };
+
+/// The same, and on two coarser grids.
+const RESOLUTIONS: Shape = Shape { resolutions: 3, ..VARYING };
 
 /// Codes that can be changed.
 fn codes(table: &mut SphereTable) -> &mut Vec<f32> {
@@ -43,11 +47,13 @@ fn shapes() -> Vec<Shape> {
     vec![
         SMALL,
         VARYING,
+        RESOLUTIONS,
         full,
         Shape { is_isotropic: true, is_pruned: true, ..full },
         Shape { is_pruned: true, corner_weights: CornerWeights::Uniform, ..full },
         Shape { n_side: 1, codes: 1, features: 1, hidden: &[1], ..full },
         Shape { surface: Some(([16, 8], 8)), ..full },
+        Shape { resolutions: 4, n_side: 32, features: 16, ..full },
         Shape { n_side: 16, codes: 1700, features: 32, hidden: &[128, 128, 128], ..full },
     ]
 }
@@ -143,8 +149,11 @@ fn hostile_headers_are_errors() {
     ];
     let of_surface =
         ["/materials/0/surface/texels/0", "/materials/0/surface/texels/1", "/materials/0/surface/codebook"];
-    let varying = random_neubrdf(VARYING, 1);
-    let all = numbers.map(|pointer| (&brdf, pointer)).into_iter().chain(of_surface.map(|pointer| (&varying, pointer)));
+    let of_coarser = ["/materials/0/coarser", "/materials/0/coarser/0/0/n_side", "/materials/0/coarser/1/1/n_side"];
+    let (varying, coarser) = (random_neubrdf(VARYING, 1), random_neubrdf(RESOLUTIONS, 1));
+    let all = numbers.map(|pointer| (&brdf, pointer)).into_iter();
+    let all = all.chain(of_surface.map(|pointer| (&varying, pointer)));
+    let all = all.chain(of_coarser.map(|pointer| (&coarser, pointer)));
     for (brdf, pointer) in all {
         for value in huge.map(serde_json::Value::from).into_iter().chain([(-1).into(), 4.5.into(), "4".into()]) {
             let original = with_header(brdf, |_| ());
@@ -205,6 +214,21 @@ fn models_that_cannot_be_are_refused() {
         change(brdf.surface.as_mut().unwrap());
         assert_eq!(brdf.validate().unwrap_err().field, field);
     }
+    let changes: [(&str, Change); 6] = [
+        ("coarser[1].n_side", |brdf| brdf.coarser.swap(0, 1)),
+        ("coarser[1].n_side", |brdf| brdf.coarser[1] = brdf.coarser[0].clone()),
+        ("coarser[0].wo.indices", |brdf| brdf.coarser[0][1].indices[0] = 5),
+        ("coarser[1].wo.features", |brdf| {
+            brdf.coarser[1][1].codebook = Codebook { features: 1, codes: vec![0.0; 9] }.into()
+        }),
+        ("coarser", |brdf| brdf.coarser = vec![brdf.coarser[0].clone(); 4]),
+        ("layers[0]", |brdf| brdf.coarser.truncate(1)),
+    ];
+    for (field, change) in changes {
+        let mut brdf = random_neubrdf(RESOLUTIONS, 1);
+        change(&mut brdf);
+        assert_eq!(brdf.validate().unwrap_err().field, field);
+    }
     let mut brdf = random_neubrdf(SMALL, 1);
     codes(&mut brdf.wi)[0] = 1e5;
     assert_eq!(brdf.encode(Precision::F16).unwrap_err().field, "codebooks[0].codes");
@@ -222,8 +246,8 @@ fn errors_name_the_file() {
     assert!(NeuBrdf::load(&path, None).unwrap() == brdf);
 }
 
-static FILES: LazyLock<[Vec<u8>; 4]> = LazyLock::new(|| {
-    [(SMALL, 0), (SMALL, 1), (VARYING, 2), (VARYING, 3)]
+static FILES: LazyLock<[Vec<u8>; 5]> = LazyLock::new(|| {
+    [(SMALL, 0), (SMALL, 1), (VARYING, 2), (VARYING, 3), (RESOLUTIONS, 4)]
         .map(|(shape, seed)| random_neubrdf(shape, seed).encode(Precision::F16).unwrap())
 });
 
@@ -234,7 +258,7 @@ proptest! {
     #[test]
     fn any_file_is_an_error_or_a_valid_model(
         changes in prop::collection::vec((any::<prop::sample::Index>(), any::<u8>()), 1..6),
-        seed in 0u64..4,
+        seed in 0u64..5,
     ) {
         let bytes = &FILES[seed as usize];
         let mut content = bytes[..bytes.len() - 32].to_vec();

@@ -50,10 +50,11 @@ fn finish(session: &mut Session) -> Vec<u8> {
     session.neubrdf().unwrap().encode(Precision::F32).unwrap()
 }
 
-/// The three ways of training, each with what happens half-way: codes, pruning.
-fn small_plans() -> [Plan; 3] {
+/// The ways of training, each with what happens half-way: codes, pruning.
+fn small_plans() -> [Plan; 4] {
     [
         small(Recipe::Default),
+        Plan { resolutions: 3, features: 3, codes: [16, 32], ..small(Recipe::Default) },
         Plan { codes: [16, 32], ..small(Recipe::Default) },
         Plan {
             codes: [16; 2],
@@ -252,6 +253,9 @@ fn a_check_finds_what_is_wrong() {
 fn plans_beyond_reason_are_errors() {
     let error = |plan: Plan| Session::new(plan, &isotropic(&satin)).map(|_| ()).unwrap_err().to_string();
     assert!(error(Plan { n_side: [16, 256], ..small(Recipe::Default) }).contains("--n-side"));
+    assert!(error(Plan { resolutions: 4, ..small(Recipe::Default) }).contains("--resolutions"));
+    assert!(error(Plan { n_side: [16; 2], resolutions: 5, ..small(Recipe::Default) }).contains("--resolutions"));
+    assert!(error(Plan { resolutions: 3, features: 22, ..small(Recipe::Default) }).contains("--features"));
     assert!(error(Plan { features: 33, ..small(Recipe::Default) }).contains("--features"));
     assert!(error(Plan { hidden: 129, ..small(Recipe::Default) }).contains("--hidden"));
     assert!(error(Plan { batch: 100, ..small(Recipe::Default) }).contains("--batch"));

@@ -197,6 +197,7 @@ fn model(layers: Vec<Dense>, lobe: SamplingLobe) -> NeuBrdf {
         corner_weights: CornerWeights::Bilinear,
         wi: table(),
         wo: table(),
+        coarser: Vec::new(),
         surface: None,
         layers,
         encoding: Encoding { gain: GAIN, scale: SCALE, max: 1e5 },

@@ -165,8 +165,8 @@ pub struct Provenance {
     pub errors: BTreeMap<String, f64>,
 }
 
-/// A material: value(ωo, ωi) = decode(MLP([features of ωi, features of ωo])); of one that varies over a texture, with the features of
-/// the place behind them.
+/// A material: value(ωo, ωi) = decode(MLP([features of ωi, features of ωo])). Behind these come, of one with several resolutions, the features
+/// of ωi and ωo on the coarser grids, and of one that varies over a texture those of the place.
 ///
 /// Isotropic ones are turned about z first, so that ωi has the azimuth 0 and ωo one in [0, π].
 #[derive(Clone, Debug, PartialEq)]
@@ -179,6 +179,8 @@ pub struct NeuBrdf {
     pub wi: SphereTable,
     /// Features of ωo.
     pub wo: SphereTable,
+    /// The same two on coarser and coarser grids.
+    pub coarser: Vec<[SphereTable; 2]>,
     /// Features of the place, where the material varies.
     pub surface: Option<SurfaceTable>,
     /// The network; ReLU after each but the last, which has three outputs.
@@ -192,12 +194,17 @@ pub struct NeuBrdf {
 }
 
 impl NeuBrdf {
+    /// The tables of directions in the order in which the network takes their features: ωi's and ωo's by turns.
+    pub fn hemispheres(&self) -> impl Iterator<Item = &SphereTable> {
+        [&self.wi, &self.wo].into_iter().chain(self.coarser.iter().flatten())
+    }
+
     /// Adds all that its values depend on to a fingerprint.
     pub(super) fn put(&self, hasher: &mut blake3::Hasher) {
-        let NeuBrdf { is_isotropic, corner_weights, wi, wo, surface, layers, encoding, lobe, provenance: _ } = self;
+        let NeuBrdf { is_isotropic, corner_weights, surface, layers, encoding, lobe, .. } = self;
         put(hasher, b"neubrdf");
         put(hasher, &[u8::from(*is_isotropic), u8::from(*corner_weights == CornerWeights::Bilinear)]);
-        for SphereTable { grid, codebook, indices, levels } in [wi, wo] {
+        for SphereTable { grid, codebook, indices, levels } in self.hemispheres() {
             put(hasher, &[grid.n_side(), codebook.features]);
             put(hasher, &codebook.codes);
             put(hasher, indices);

@@ -36,9 +36,11 @@ fn expect(
 }
 
 impl NeuBrdf {
+    /// The most resolutions besides the finest.
+    pub const MAX_COARSER: usize = 3;
     /// The most features of a code.
     pub const MAX_FEATURES: u32 = 32;
-    /// The widest layer.
+    /// The widest layer, and the most inputs of the first.
     pub const MAX_WIDTH: u32 = 128;
     /// The most layers.
     pub const MAX_LAYERS: usize = 8;
@@ -53,21 +55,27 @@ impl NeuBrdf {
     /// # Errors
     /// What is wrong.
     pub fn validate(&self) -> Result<(), Flaw> {
-        self.wi.validate("wi")?;
-        self.wo.validate("wo")?;
-        expect(
-            self.wi.codebook.features == self.wo.codebook.features,
-            "wo.features",
-            || self.wo.codebook.features.to_string(),
-            "as many as ωi has",
-        )?;
+        let count = self.coarser.len();
+        expect(count <= Self::MAX_COARSER, "coarser", || format!("{count} resolutions"), "at most 3")?;
+        validate_pair(&self.wi, &self.wo, "")?;
+        let mut finer = [&self.wi, &self.wo].map(|table| table.grid.n_side());
+        for (index, [wi, wo]) in self.coarser.iter().enumerate() {
+            let prefix = format!("coarser[{index}].");
+            validate_pair(wi, wo, &prefix)?;
+            let n_side = [wi, wo].map(|table| table.grid.n_side());
+            let is_coarser = n_side.iter().zip(finer).all(|(n_side, finer)| *n_side < finer);
+            expect(is_coarser, &format!("{prefix}n_side"), || format!("{n_side:?}"), format!("less than {finer:?}"))?;
+            finer = n_side;
+        }
         self.surface.as_ref().map_or(Ok(()), SurfaceTable::validate)?;
         let depth = self.layers.len();
         expect((2..=Self::MAX_LAYERS).contains(&depth), "layers", || format!("{depth} layers"), "2 to 8")?;
         let surface = self.surface.as_ref().map(|surface| &*surface.codebook);
-        let codebooks = [Some(&*self.wi.codebook), Some(&*self.wo.codebook), surface];
-        let mut width = codebooks.iter().flatten().map(|codebook| codebook.features).sum::<u32>();
-        let mut reached = codebooks.iter().flatten().map(|codebook| codebook.greatest()).fold(0.0, f64::max);
+        let codebooks = || self.hemispheres().map(|table| &*table.codebook).chain(surface);
+        let mut width = codebooks().map(|codebook| codebook.features).sum::<u32>();
+        let most = Self::MAX_WIDTH;
+        expect(width <= most, "features", || format!("{width} in all"), format!("at most {most}"))?;
+        let mut reached = codebooks().map(Codebook::greatest).fold(0.0, f64::max);
         for (index, layer) in self.layers.iter().enumerate() {
             let field = format!("layers[{index}]");
             expect(layer.inputs == width, &field, || format!("{} inputs", layer.inputs), width.to_string())?;
@@ -84,6 +92,14 @@ impl NeuBrdf {
         let is_finite = self.provenance.errors.values().all(|error| error.is_finite());
         expect(is_finite, "provenance.errors", || "a number that is not finite".into(), "finite numbers")
     }
+}
+
+/// The two tables of a resolution, whose fields begin with `prefix`.
+fn validate_pair(wi: &SphereTable, wo: &SphereTable, prefix: &str) -> Result<(), Flaw> {
+    wi.validate(&format!("{prefix}wi"))?;
+    wo.validate(&format!("{prefix}wo"))?;
+    let [of_wi, of_wo] = [wi, wo].map(|table| table.codebook.features);
+    expect(of_wi == of_wo, &format!("{prefix}wo.features"), || of_wo.to_string(), "as many as ωi has")
 }
 
 impl Encoding {

@@ -6,7 +6,7 @@
 //! | 4 | version, 2 |
 //! | 4 | length of the header |
 //! | that | the header, JSON: everything but the numbers below, and how many of each there are |
-//! | rest | codebooks; networks, each layer's weights before its biases; for each material those of ωi, then ωo: merged pixels, indices; then, of one that varies, indices of texels |
+//! | rest | codebooks; networks, each layer's weights before its biases; for each material those of ωi, then ωo, then the coarser ones likewise: merged pixels, indices; then, of one that varies, indices of texels |
 //! | 32 | BLAKE3 of all before |
 //!
 //! All is little-endian. Materials name their codebooks and their network by number; each stands there once, however many materials
@@ -75,6 +75,8 @@ struct MaterialHeader {
     corner_weights: CornerWeights,
     wi: TableHeader,
     wo: TableHeader,
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    coarser: Vec<[TableHeader; 2]>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     surface: Option<SurfaceHeader>,
     /// Which of the networks.
@@ -142,11 +144,10 @@ impl NeuBrdfPack {
         let mut networks: Vec<&[Dense]> = Vec::new();
         let mut materials = Vec::new();
         for (name, material) in &self.materials {
-            let [wi, wo] = [&material.wi, &material.wo].map(|table| TableHeader {
-                codebook: place_of(&*table.codebook, &mut codebooks),
-                n_side: table.grid.n_side(),
-                is_merged: !table.levels.is_empty(),
-            });
+            let [wi, wo] = [&material.wi, &material.wo].map(|table| table_header(table, &mut codebooks));
+            let coarser = material.coarser.iter();
+            let coarser =
+                coarser.map(|pair| pair.each_ref().map(|table| table_header(table, &mut codebooks))).collect();
             let surface = material.surface.as_ref().map(|surface| SurfaceHeader {
                 codebook: place_of(&*surface.codebook, &mut codebooks),
                 texels: surface.grid.size(0),
@@ -157,6 +158,7 @@ impl NeuBrdfPack {
                 corner_weights: material.corner_weights,
                 wi,
                 wo,
+                coarser,
                 surface,
                 network: place_of(&material.layers[..], &mut networks),
                 encoding: material.encoding,
@@ -184,10 +186,9 @@ impl NeuBrdfPack {
         for (index, layers) in networks.iter().enumerate() {
             writer.network(&format!("networks[{index}]"), layers)?;
         }
-        for (_, NeuBrdf { wi, wo, surface, .. }) in &self.materials {
-            writer.points(wi);
-            writer.points(wo);
-            surface.iter().for_each(|surface| writer.texels(surface));
+        for (_, material) in &self.materials {
+            material.hemispheres().for_each(|table| writer.points(table));
+            material.surface.iter().for_each(|surface| writer.texels(surface));
         }
         let mut bytes = writer.bytes;
         bytes.extend(blake3::hash(&bytes).as_bytes());
@@ -280,6 +281,15 @@ impl NeuBrdf {
     }
 }
 
+/// What the header says of a table, whose codebook is added to the list unless an equal one is there.
+fn table_header<'a>(table: &'a SphereTable, codebooks: &mut Vec<&'a Codebook>) -> TableHeader {
+    TableHeader {
+        codebook: place_of(&*table.codebook, codebooks),
+        n_side: table.grid.n_side(),
+        is_merged: !table.levels.is_empty(),
+    }
+}
+
 /// A material of version 2. It has still to be validated.
 fn decode(header: &[u8], payload: &[u8]) -> Result<NeuBrdfPack, Flaw> {
     let Header { precision, codebooks, networks, materials } = parse(header)?;
@@ -303,6 +313,13 @@ fn decode(header: &[u8], payload: &[u8]) -> Result<NeuBrdfPack, Flaw> {
         let (grid, levels, indices) = reader.points(name, header.n_side, header.is_merged, codebook.code_count())?;
         Ok(SphereTable { grid, codebook, indices, levels })
     };
+    let coarser = |reader: &mut Reader, headers: &[[TableHeader; 2]]| {
+        let pair = |(index, [wi, wo]): (usize, &[TableHeader; 2])| {
+            let name = |side| format!("coarser[{index}].{side}");
+            Ok([table(reader, &name("wi"), wi)?, table(reader, &name("wo"), wo)?])
+        };
+        headers.iter().take(NeuBrdf::MAX_COARSER + 1).enumerate().map(pair).collect::<Result<Vec<_>, Flaw>>()
+    };
     let surface = |reader: &mut Reader, header: &SurfaceHeader| {
         let codebook = named(&codebooks, header.codebook, "surface.codebook")?.clone();
         let (grid, indices) = reader.texels("surface", header.texels, codebook.code_count())?;
@@ -314,6 +331,7 @@ fn decode(header: &[u8], payload: &[u8]) -> Result<NeuBrdfPack, Flaw> {
             corner_weights: header.corner_weights,
             wi: table(&mut reader, "wi", &header.wi)?,
             wo: table(&mut reader, "wo", &header.wo)?,
+            coarser: coarser(&mut reader, &header.coarser)?,
             surface: header.surface.as_ref().map(|header| surface(&mut reader, header)).transpose()?,
             layers: named(&networks, header.network, "network")?.clone(),
             encoding: header.encoding,

@@ -42,7 +42,18 @@ pub(super) fn decode(header: &[u8], payload: &[u8]) -> Result<NeuBrdf, Flaw> {
     let layers = reader.network("layers", &widths)?;
     reader.end()?;
     let lobe = super::neubrdf_file::lobe(&lobe)?;
-    Ok(NeuBrdf { is_isotropic, corner_weights, wi, wo, surface: None, layers, encoding, lobe, provenance })
+    Ok(NeuBrdf {
+        is_isotropic,
+        corner_weights,
+        wi,
+        wo,
+        coarser: Vec::new(),
+        surface: None,
+        layers,
+        encoding,
+        lobe,
+        provenance,
+    })
 }
 
 fn table(reader: &mut Reader, name: &str, header: &TableHeader, features: u32) -> Result<SphereTable, Flaw> {
