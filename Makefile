@@ -4,7 +4,7 @@ CARGO := cargo
 FEATURES := --features embree --locked
 OUT := target/demo
 
-.PHONY: demo test soak bench check study study-fit study-share study-sparse install install-test install-demo
+.PHONY: demo test soak bench check study study-fit study-share study-sparse study-layered gallery install install-test install-demo
 
 ## Renders the preview scene, in analytic and in neural materials, to target/demo/preview.png and neural.png (and .exr).
 demo: install-demo
@@ -76,6 +76,14 @@ install: install-demo
 ## minutes. It goes on where it was stopped.
 study-sparse:
 	$(CARGO) run --release $(FEATURES) --example study_sparse -- $(MATERIALS)
+
+## Renders each material that is shipped, simulated and as its NeuBRDF, to target/gallery/materials.png.
+gallery: install-demo
+	$(CARGO) run --release $(FEATURES) --example gallery
+
+## Renders the preview scene in layers that light walks through at random and in the NeuBRDFs that learned them: time against error.
+study-layered: install-test
+	$(CARGO) run --release $(FEATURES) --bin neubrdf -- converge --study scenes/preview/layered_study.toml -o $(OUT)/study-layered --resume
 
 install-demo:
 	@scripts/setup.sh demo

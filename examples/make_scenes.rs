@@ -172,16 +172,62 @@ metal = \"gold\"
 roughness = 0.35
 ";
     let (view, _) = toml.split_once("\n[material.ball]").ok_or("no ball")?;
-    let neural = format!(
-        "{}\n[material.ball]\ntype = \"measured\"\nfile = \"../materials/paint_blue.neubrdf\"\n\n\
-         [material.ring]\ntype = \"measured\"\nfile = \"../materials/gold_satin.neubrdf\"\n\n\
-         [material.stand]\ntype = \"measured\"\nfile = \"../materials/lacquer_black.neubrdf\"\n",
-        view.replace(
-            "# To look at another material, change",
-            "# The same in neural materials. To look at another one, change"
-        )
+    let viewed = |what: &str, materials: [String; 3]| {
+        let told = view.replace("# To look at another material, change [material.ball].", what);
+        ["ball", "ring", "stand"]
+            .iter()
+            .zip(materials)
+            .fold(told, |toml, (part, material)| toml + "\n[material." + part + "]\n" + &material)
+    };
+    let trained = |name: &str| format!("type = \"measured\"\nfile = \"../materials/{name}.neubrdf\"\n");
+    let neural = viewed(
+        "# The same in neural materials. To look at another one, change [material.ball].",
+        ["paint_blue", "gold_satin", "lacquer_black"].map(trained),
     );
-    save(folder, &[("scene.toml", toml), ("neural.toml", &neural), ("preview.mtl", mtl), ("preview.obj", &obj.text)])
+    let simulated = [
+        include_str!("../scenes/materials/paint_blue.toml"),
+        include_str!("../scenes/materials/varnish_amber.toml"),
+        include_str!("../scenes/materials/lacquer_black.toml"),
+    ];
+    let layered = viewed(
+        "# Layers that light walks through at random: what the networks of layered_neural.toml learned.",
+        simulated.map(str::to_owned),
+    );
+    let layered_neural = viewed(
+        "# Networks that learned what layered.toml simulates.",
+        ["paint_blue", "varnish_amber", "lacquer_black"].map(trained),
+    );
+    let study = "\
+# How much faster networks are than the walks that they learned: `make study-layered`.
+depth = 6
+size = [128, 128]
+spp = [4, 16, 64, 256]
+repetitions = 3
+reference_spp = 1024
+targets = [3e-2, 1e-2, 3e-3]
+clock = \"cpu\"
+
+[[scene]]
+file = \"layered.toml\"
+[scene.models]
+neural = \"layered_neural.toml\"
+
+[[methods]]
+traversal = [\"bvh\"]
+model = [\"truth\", \"neural\"]
+";
+    save(
+        folder,
+        &[
+            ("scene.toml", toml),
+            ("neural.toml", &neural),
+            ("layered.toml", &layered),
+            ("layered_neural.toml", &layered_neural),
+            ("layered_study.toml", study),
+            ("preview.mtl", mtl),
+            ("preview.obj", &obj.text),
+        ],
+    )
 }
 
 /// The corners of a square that faces a point: its middle, and half its side.

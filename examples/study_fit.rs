@@ -101,6 +101,7 @@ fn outcome(arguments: &Arguments, truth: &Truth, model: Model, recipe: Recipe) -
     plan.steps = arguments.steps.unwrap_or(plan.steps);
     let path = arguments.folder.join(format!("{}-{}.json", truth.name, key(&plan)?));
     if arguments.print && !path.exists() {
+        eprintln!("{} is left out: there is no {}", truth.name, path.display());
         return Ok(None);
     }
     let find_out = || -> Result<Outcome> {

@@ -1,4 +1,4 @@
-//! A NeuBRDF on the device, evaluated at many pairs of directions: what the bench and the study of models time.
+//! A NeuBRDF or an NBRDF on the device, evaluated at many pairs of directions: what the bench and the study of models time.
 
 use std::sync::Arc;
 use std::time::Instant;
@@ -7,8 +7,8 @@ use anyhow::{Context, Result};
 use glam::DVec3;
 use neubrdf::converge::{Stopwatch, Timing, cores};
 use neubrdf::gpu::{Buffer, Commands, Device, Kernel, Memory, spirv};
-use neubrdf::render::{NeuBrdfPush, NeuBrdfQuery, NeuBrdfShape, NeuBrdfValues, pack_neubrdf};
-use neubrdf::scene::brdf::{NeuBrdf, Precision};
+use neubrdf::render::{NeuBrdfPush, NeuBrdfQuery, NeuBrdfShape, NeuBrdfValues, pack_nbrdf, pack_neubrdf};
+use neubrdf::scene::brdf::{Nbrdf, NeuBrdf, Precision};
 
 /// Pairs of evaluations of a run.
 const PAIRS: usize = 1 << 17;
@@ -30,6 +30,16 @@ pub struct Evaluations {
 impl Evaluations {
     pub fn new(device: &Arc<Device>, brdf: &NeuBrdf, precision: Precision) -> Result<Evaluations> {
         let shape = NeuBrdfShape::of([brdf], precision).on(device);
+        Self::by(device, "eval_neubrdf", &pack_neubrdf(brdf, &shape), &shape.specialization())
+    }
+
+    #[allow(dead_code)] // the study has no NBRDF
+    pub fn nbrdf(device: &Arc<Device>, nbrdf: &Nbrdf) -> Result<Evaluations> {
+        Self::by(device, "eval_nbrdf", bytemuck::cast_slice(&pack_nbrdf(nbrdf)), &[])
+    }
+
+    /// By a kernel that reads a model of these words.
+    fn by(device: &Arc<Device>, kernel: &str, words: &[u32], constants: &[(u32, u32)]) -> Result<Evaluations> {
         // A Kronecker sequence of the plastic number's kin, three directions a query.
         let direction = |i: usize| {
             let at = |step: f64| (0.5 + step * i as f64).fract();
@@ -44,7 +54,7 @@ impl Evaluations {
             ..Default::default()
         };
         let queries: Vec<NeuBrdfQuery> = (0..PAIRS).map(query).collect();
-        let table = Buffer::with_data(device, "table", &pack_neubrdf(brdf, &shape))?;
+        let table = Buffer::with_data(device, "table", words)?;
         let input = Buffer::with_data(device, "queries", &queries)?;
         let output = Buffer::new(device, "values", (size_of::<NeuBrdfValues>() * PAIRS) as u64, Memory::Device)?;
         let push = NeuBrdfPush {
@@ -55,8 +65,8 @@ impl Evaluations {
             padding: 0,
         };
         let started = Instant::now();
-        let source = spirv::load("eval_neubrdf").context("no kernel eval_neubrdf")?;
-        let kernel = Kernel::new(device, source, &shape.specialization())?;
+        let source = spirv::load(kernel).with_context(|| format!("no kernel {kernel}"))?;
+        let kernel = Kernel::new(device, source, constants)?;
         let _buffers = [table, input, output];
         let mut evaluations = Evaluations { device: device.clone(), kernel, push, _buffers, first: 0.0 };
         evaluations.run()?;

@@ -1,27 +1,33 @@
-//! NeuBRDF evaluations a second of the device, of the paper's network: N_side 64, 16 features, 32 → 64 → 64 → 64 → 3.
+//! NeuBRDF evaluations a second of the device, of the paper's network: N_side 64, 16 features, 32 → 64 → 64 → 64 → 3; beside the default's and
+//! an NBRDF's.
 
 use std::path::Path;
 use std::process::Command;
-use std::sync::Arc;
 
 use anyhow::{Context, Result};
-use neubrdf::gpu::{Device, DeviceChoice, Instance, Validation};
-use neubrdf::scene::brdf::{CornerWeights, NeuBrdf, Precision};
+use neubrdf::gpu::{DeviceChoice, Instance, Validation};
+use neubrdf::scene::brdf::{CornerWeights, Nbrdf, Precision};
 
 use crate::evaluations::{EVALUATIONS, Evaluations, rate_by_own_time};
 use crate::measure::{Spread, Timing};
 use crate::random_neubrdf::{Shape, random_neubrdf};
 
 const ROUNDS: usize = 5;
-/// Floating-point operations of an evaluation by Mitsuba's count: its network's multiply-adds.
-const OPERATIONS: f64 = 2.0 * 10_432.0;
 
 pub fn run() -> Result<()> {
     let device = Instance::new(Validation::Off)?.open(&DeviceChoice::Auto)?;
     println!("{}, {} evaluations; median (min–max) of {ROUNDS} runs\n", device.driver(), EVALUATIONS);
-    println!("| model | first run, s | M/s | M/s by own CPU time | GFLOP/s by it |\n|---|---|---|---|---|");
+    println!("| model | first run, s | M/s | M/s by own CPU time |\n|---|---|---|---|");
     let full = Shape::FULL;
+    let default = Shape { n_side: 16, codes: 1569, features: 12, ..full };
     let rows = [
+        (
+            "the default's sizes, isotropic, f16",
+            Shape { is_isotropic: true, is_pruned: true, ..default },
+            Precision::F16,
+        ),
+        ("the default's sizes, anisotropic, f16", Shape { features: 11, ..default }, Precision::F16),
+        ("3 resolutions of 4 features, f16", Shape { features: 4, resolutions: 3, ..default }, Precision::F16),
         ("anisotropic, f32", full, Precision::F32),
         ("anisotropic, f16", full, Precision::F16),
         ("isotropic, f32", Shape { is_isotropic: true, is_pruned: true, ..full }, Precision::F32),
@@ -29,19 +35,28 @@ pub fn run() -> Result<()> {
         ("anisotropic, f32, 32 wide", Shape { hidden: &[32, 32, 32], ..full }, Precision::F32),
     ];
     for (name, shape, precision) in rows {
-        measure(&device, name, &random_neubrdf(shape, 1), precision)?;
+        measure(name, &Evaluations::new(&device, &random_neubrdf(shape, 1), precision)?)?;
     }
+    // Numbers do not matter to its time.
+    let nbrdf = Nbrdf {
+        kernel_1: [[0.1; Nbrdf::HIDDEN]; Nbrdf::INPUTS],
+        bias_1: [0.1; Nbrdf::HIDDEN],
+        kernel_2: [[0.1; Nbrdf::HIDDEN]; Nbrdf::HIDDEN],
+        bias_2: [0.1; Nbrdf::HIDDEN],
+        kernel_3: [[0.1; 3]; Nbrdf::HIDDEN],
+        bias_3: [0.1; 3],
+    };
+    measure("NBRDF, 6 → 21 → 21 → 3, f32", &Evaluations::nbrdf(&device, &nbrdf)?)?;
     println!();
     peer()
 }
 
-fn measure(device: &Arc<Device>, name: &str, brdf: &NeuBrdf, precision: Precision) -> Result<()> {
-    let evaluations = Evaluations::new(device, brdf, precision)?;
+fn measure(name: &str, evaluations: &Evaluations) -> Result<()> {
     let timings: Vec<Timing> = (0..ROUNDS).map(|_| evaluations.run()).collect::<Result<_>>()?;
     let wall = Spread::of(timings.iter().map(|timing| 1e-6 * EVALUATIONS as f64 / timing.seconds));
     let own = Spread::of(timings.iter().map(rate_by_own_time));
     let first = evaluations.first;
-    println!("| {name} | {first:.2} | {wall:.2} | {own:.2} | {:.0} |", own.median * OPERATIONS * 1e-3);
+    println!("| {name} | {first:.2} | {wall:.2} | {own:.2} |");
     Ok(())
 }
 

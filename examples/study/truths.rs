@@ -144,7 +144,29 @@ pub fn ours() -> Vec<Truth> {
             }),
         ),
     ];
-    surfaces.into_iter().map(|(name, surface)| closed(name, surface)).collect()
+    let wing: Eval = Arc::new(wing);
+    let wing = Truth::new("butterfly-wing", false, true, [wing.clone(), wing]);
+    surfaces.into_iter().map(|(name, surface)| closed(name, surface)).chain([wing]).collect()
+}
+
+/// The wing of a morpho, made up after what ridges of thin shelves do to light (Kinoshita, Yoshioka and Miyazaki, *Physics of structural colors*,
+/// Reports on Progress in Physics 71, 2008): of what is mirrored along the ridges, x, the shelves reflect blue, and at a slant violet; across them
+/// light spreads, in the orders of a grating. In h = ωo + ωi, hence reciprocal; high in frequency, which is what it is for.
+fn wing(wo: DVec3, wi: DVec3) -> DVec3 {
+    const WAVELENGTHS: [f64; 3] = [0.63, 0.53, 0.46];
+    // Between ridges, and the optical path of a shelf and its gap, µm.
+    const RIDGES: f64 = 1.4;
+    const SHELVES: f64 = 0.47;
+    let bell = |x: f64, deviation: f64| (-0.5 * (x / deviation).powi(2)).exp();
+    let half = wo + wi;
+    let cosine = half.length() / 2.0;
+    let channels = WAVELENGTHS.map(|wavelength| {
+        let order = half.y * RIDGES / wavelength;
+        let grating = 0.3 + bell(order - order.round(), 0.12);
+        let shelves = bell(wavelength - SHELVES * cosine, 0.05);
+        0.01 + 1.8 * shelves * grating * bell(half.x, 0.08) * bell(half.y, 0.7)
+    });
+    DVec3::from_array(channels)
 }
 
 fn closed(name: &str, surface: Surface) -> Truth {

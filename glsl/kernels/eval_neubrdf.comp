@@ -4,30 +4,8 @@
 
 layout(local_size_x_id = 0) in;
 
+#include "layout/evaluation.glsl"
 #include "lib/neubrdf_by_address.glsl"
-
-struct NeuBrdfQuery {
-    vec3 wo;
-    vec3 wi_1;
-    vec3 wi_2;
-    vec2 uv;
-    float area;
-};
-layout(buffer_reference, scalar, buffer_reference_align = 4) readonly buffer NeuBrdfQueries { NeuBrdfQuery at[]; };
-
-struct NeuBrdfValues {
-    vec3 f_1;
-    vec3 f_2;
-};
-layout(buffer_reference, scalar, buffer_reference_align = 4) writeonly buffer NeuBrdfResults { NeuBrdfValues at[]; };
-
-layout(push_constant, scalar) uniform NeuBrdfPush {
-    uvec2 table;    // a NeuBrdfTable
-    NeuBrdfQueries queries;
-    NeuBrdfResults results;
-    uint count;
-    uint padding;
-} push;
 
 void main() {
     // All invocations evaluate, those beyond the end the last query once more.

@@ -190,7 +190,7 @@ fn words_of<T: NoUninit>(structs: &[T]) -> Vec<u32> {
 /// `NbrdfTable` of `glsl/lib/bsdf_nbrdf.glsl`: groups of four numbers, filled up with zeros. For each neuron of the first layer what it
 /// takes from the inputs (the second of which is always 0), its bias, and what it gives to each neuron of the second; then the
 /// second layer's biases; then what each output takes from them; then its biases.
-fn pack_nbrdf(nbrdf: &Nbrdf) -> Vec<f32> {
+pub fn pack_nbrdf(nbrdf: &Nbrdf) -> Vec<f32> {
     let Nbrdf { kernel_1, bias_1, kernel_2, bias_2, kernel_3, bias_3 } = nbrdf;
     let mut numbers = Vec::new();
     let mut push = |group: &[f32]| {

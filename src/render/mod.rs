@@ -24,7 +24,7 @@ mod renderer;
 mod session;
 mod settings;
 
-pub use brdf_table::BRDF_STRUCTS;
+pub use brdf_table::{BRDF_STRUCTS, pack_nbrdf};
 pub use checkpoint::{Checkpoint, Identity};
 pub(crate) use device_mesh::Deformed;
 pub use device_mesh::{MESH_STRUCTS, MeshRecord};

@@ -14,7 +14,7 @@ use crate::scene::Brdf;
 use crate::scene::brdf::{Codebook, CornerWeights, Dense, NO_CODE, NeuBrdf, Precision, SphereTable, SurfaceTable};
 
 crate::shared_structs! {
-    /// The structs of `glsl/layout/neubrdf.glsl` and `glsl/kernels/eval_neubrdf.comp`.
+    /// The structs of `glsl/layout/neubrdf.glsl` and `glsl/layout/evaluation.glsl`.
     pub const NEUBRDF_STRUCTS;
 
     /// A hemisphere's features; the GLSL says what the members mean.
@@ -41,7 +41,7 @@ crate::shared_structs! {
         pub coarser: u32,
     }
 
-    /// A view, two directions of light, above the surface, and where they are: what `eval_neubrdf` reads.
+    /// A view, two directions of light, above the surface, and where they are: what `eval_neubrdf` and `eval_nbrdf` read.
     #[derive(Default)]
     #[allow(missing_docs)]
     pub struct NeuBrdfQuery {
@@ -52,14 +52,14 @@ crate::shared_structs! {
         pub area: f32,
     }
 
-    /// Their values: what it writes.
+    /// Their values: what they write.
     #[allow(missing_docs)]
     pub struct NeuBrdfValues {
         pub f_1: [f32; 3],
         pub f_2: [f32; 3],
     }
 
-    /// Its push constants.
+    /// Their push constants.
     #[allow(missing_docs)]
     pub struct NeuBrdfPush {
         pub table: u64,
