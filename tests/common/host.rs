@@ -20,7 +20,7 @@ pub struct Host {
     pub ray_query: bool,
     pub name: String,
     physical: vk::PhysicalDevice,
-    memory: vk::PhysicalDeviceMemoryProperties,
+    pub memory: vk::PhysicalDeviceMemoryProperties,
     pool: vk::CommandPool,
     pipeline_cache: vk::PipelineCache,
     instance: ash::Instance,
@@ -180,6 +180,19 @@ impl Host {
         host.ray_query = self.ray_query;
         host.debug_utils = true;
         host.pipeline_cache = self.pipeline_cache;
+        host
+    }
+
+    /// The same by raw handles, with functions found by way of what is made of the loader's.
+    pub fn host_device_through(
+        &self,
+        over_loader: impl FnOnce(vk::PFN_vkGetInstanceProcAddr) -> vk::PFN_vkGetInstanceProcAddr,
+    ) -> HostDevice {
+        let functions = over_loader(self.entry.static_fn().get_instance_proc_addr);
+        let (instance, device) = (self.instance.handle(), self.device.handle());
+        // SAFETY: the handles are alive and belong together.
+        let mut host = unsafe { HostDevice::load(functions, instance, self.physical, device, 0) };
+        host.ray_query = self.ray_query;
         host
     }
 
