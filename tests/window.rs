@@ -1,5 +1,7 @@
 //! `examples/window.rs` on an X server without a screen: what it presents is the picture, and the validation layer is silent.
 
+#[path = "../examples/window/caption.rs"]
+mod caption;
 mod common;
 
 use std::io::{BufRead, BufReader};
@@ -74,8 +76,27 @@ fn scene(folder: &Path, [width, height]: [u32; 2]) -> PathBuf {
     file
 }
 
+/// What stands in the corner of the screenshot, cut off where that ends.
+fn words_in(shown: &image::RgbImage) -> String {
+    let letter = |row: u32, column: u32| {
+        let is_same = |letter: &char| {
+            let drawn = caption::draw(&letter.to_string());
+            (0..18u32).all(|y| {
+                (0..12u32).all(|x| {
+                    let pixel = shown.get_pixel_checked(12 * column + x, 18 * row + y);
+                    pixel.is_some_and(|pixel| pixel.0[0] == drawn[4 * (y as usize * caption::SIZE[0] + x as usize)])
+                })
+            })
+        };
+        "0123456789.%eoprs ".chars().find(is_same).unwrap_or('?')
+    };
+    let columns = shown.width() / 12;
+    let lines = (0..3).map(|row| (0..columns).map(|column| letter(row, column)).collect::<String>());
+    lines.map(|line| line.trim_end().to_owned() + "\n").collect()
+}
+
 #[test]
-fn the_window_shows_the_picture() {
+fn the_window_shows_the_picture_and_how_it_stands() {
     let Some(driver) = driver(LAVAPIPE) else { return };
     let Some(screen) = Screen::new() else { return };
     let folder = tempfile::tempdir().unwrap();
@@ -112,8 +133,22 @@ fn the_window_shows_the_picture() {
     renderer.render_pass(8).unwrap();
     let beauty = renderer.picture().unwrap().0.rgb(plane::BEAUTY).unwrap();
     let expected = tone_map::to_srgb8(&beauty, 0.0);
-    assert!(shown.as_raw().iter().any(|byte| *byte > 100), "black");
-    assert!(shown.as_raw().iter().zip(&expected).all(|(shown, expected)| shown.abs_diff(*expected) <= 1));
+    assert!(expected.iter().any(|byte| *byte > 100), "black");
+    let [right, lower] = caption::SIZE.map(|pixels| pixels as u32);
+    for ((x, y, found), expected) in shown.enumerate_pixels().zip(expected.chunks(3)) {
+        let is_same = found.0.iter().zip(expected).all(|(found, expected)| found.abs_diff(*expected) <= 1);
+        assert!(is_same || x < right && y < lower, "({x}, {y}): {found:?}, not {expected:?}");
+    }
+    // Two frames are in flight: the corner tells of the sixth.
+    let words = words_in(&shown);
+    let lines: Vec<&str> = words.lines().collect();
+    let number = |line: &str, before: &str, after: &str| -> f64 {
+        let number = line.strip_prefix(before).and_then(|line| line.strip_suffix(after));
+        number.and_then(|number| number.parse().ok()).unwrap_or_else(|| panic!("{words}"))
+    };
+    let [samples, seconds, error] =
+        [number(lines[0], "", " spp"), number(lines[1], "", " s"), number(lines[2], "error ", " %")];
+    assert!(samples == 6.0 && seconds >= 0.0 && error > 0.0, "{words}");
     drop(renderer);
     driver.finish();
 }
