@@ -12,6 +12,8 @@
 mod caption;
 #[path = "window/engine.rs"]
 mod engine;
+#[path = "window/mapped.rs"]
+mod mapped;
 
 use std::error::Error;
 use std::path::PathBuf;
