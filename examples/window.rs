@@ -3,13 +3,17 @@
 //!     cargo run --release --example window -- scenes/still_life/scene.toml
 //!     cargo run --release --example window -- scenes/cornell/scene.toml --frames 16 --screenshot cornell.png
 //!
-//! Drag with the left button to orbit, with the right one to move, and turn the wheel to come nearer. The title says samples a
-//! pixel, seconds since the last change, and the estimated error. `--frames N` ends after N frames, and `--screenshot FILE` then
+//! Drag with the left button to orbit, with the right one to move, and turn the wheel to come nearer. The corner says samples a
+//! pixel, seconds since the last change, and the estimated error, and so does the title. `--frames N` ends after N frames, and `--screenshot FILE` then
 //! writes what was presented last.
 #![allow(unsafe_code)] // the engine speaks Vulkan itself
 
+#[path = "window/caption.rs"]
+mod caption;
 #[path = "window/engine.rs"]
 mod engine;
+#[path = "window/mapped.rs"]
+mod mapped;
 
 use std::error::Error;
 use std::path::PathBuf;
@@ -50,6 +54,8 @@ struct View {
     engine: Engine,
     window: Window,
     tickets: [u64; IN_FLIGHT],
+    /// How the picture stands, in lines.
+    words: String,
     shown: u32,
     since: Instant,
     held: Option<MouseButton>,
@@ -143,6 +149,7 @@ impl View {
             engine,
             window,
             tickets: [0; IN_FLIGHT],
+            words: String::new(),
             shown: 0,
             since: Instant::now(),
             held: None,
@@ -163,8 +170,8 @@ impl View {
         if wanted != self.engine.size() {
             return self.resize(wanted);
         }
-        let Self { renderer, engine, tickets, .. } = self;
-        let shown = engine.show(screenshot.is_some(), |commands, image, format| {
+        let Self { renderer, engine, tickets, words, .. } = self;
+        let shown = engine.show(words, screenshot.is_some(), |commands, image, format| {
             let targets = [Target::image(image, format)];
             tickets[slot] = renderer.record(commands, &Frame::new(1, &targets))?;
             Ok(())
@@ -183,10 +190,11 @@ impl View {
         Ok(true)
     }
 
-    fn tell(&self, status: &Status) {
+    fn tell(&mut self, status: &Status) {
         let seconds = self.since.elapsed().as_secs_f64();
-        let error = status.error.map_or(String::new(), |error| format!(", error {:.2} %", 100.0 * error));
-        self.window.set_title(&format!("neubrdf: {} spp, {seconds:.1} s{error}", status.samples));
+        let error = status.error.map_or(String::new(), |error| format!("\nerror {:.2} %", 100.0 * error));
+        self.words = format!("{} spp\n{seconds:.1} s{error}", status.samples);
+        self.window.set_title(&format!("neubrdf: {}", self.words.replace('\n', ", ")));
     }
 
     fn resize(&mut self, size: [u32; 2]) -> Outcome<bool> {

@@ -12,7 +12,7 @@ cd "$(dirname "$0")/.."
 want="${1:-demo}"
 drivers=target/drivers
 packages="libvulkan1 libembree-dev pkg-config build-essential"
-[ "$want" = test ] && packages="$packages glslang-tools spirv-tools vulkan-validationlayers libvulkan-dev xvfb libxkbcommon-x11-0 libxcursor1 libxi6 libxrandr2"
+[ "$want" = test ] && packages="$packages glslang-tools spirv-tools vulkan-validationlayers libvulkan-dev cmake xvfb libxkbcommon-x11-0 libxcursor1 libxi6 libxrandr2"
 
 say() { printf 'setup: %s\n' "$*"; }
 

@@ -1,5 +1,5 @@
-//! The C interface: its header is what cbindgen makes of it now, and a host in C++ that builds against that gets the bits that
-//! a host in Rust gets.
+//! The C interface: its header is what cbindgen makes of it now, and a host in C++ that builds against what is installed, by way of
+//! pkg-config or of CMake, gets the bits that a host in Rust gets.
 
 mod common;
 
@@ -57,12 +57,6 @@ fn the_header_is_that_of_the_source() {
     assert!(found == made, "{} is stale: NEUBRDF_BLESS=1 cargo test --test capi", path.display());
 }
 
-/// Where cargo puts the shared library of this build.
-fn library_directory() -> PathBuf {
-    let test = std::env::current_exe().unwrap();
-    test.parent().unwrap().to_owned()
-}
-
 /// Runs a command to its end; `None` where the program is not installed, with all that it said where it fails.
 fn run(command: &mut Command) -> Option<String> {
     match command.output() {
@@ -83,20 +77,67 @@ fn vulkan_headers_are_there() -> bool {
     Path::new("/usr/include/vulkan/vulkan_core.h").exists() || std::env::var_os("NEUBRDF_REQUIRE_DRIVERS").is_some()
 }
 
-fn compile(compiler: &str, flags: &[&str], source: &str, program: &Path) -> Option<()> {
-    let libraries = library_directory();
-    run(Command::new(compiler)
-        .args(["-Wall", "-Wextra", "-Werror", "-Wno-missing-field-initializers", "-O1"])
-        .args(flags)
-        .arg(Path::new(ROOT).join("tests/capi").join(source))
-        .arg("-I")
-        .arg(Path::new(ROOT).join("src/capi"))
-        .arg("-L")
-        .arg(&libraries)
-        .arg(format!("-Wl,-rpath,{}", libraries.display()))
-        .args(["-lneubrdf", "-lvulkan", "-o"])
-        .arg(program))
-    .map(|_| ())
+const WARNINGS: [&str; 5] = ["-Wall", "-Wextra", "-Werror", "-Wno-missing-field-initializers", "-O1"];
+
+/// This build, installed as `make install` does, but for the static library: that is an empty one.
+struct Installed {
+    prefix: tempfile::TempDir,
+}
+
+impl Installed {
+    fn new() -> Installed {
+        let (prefix, built) = (tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap());
+        // Where cargo puts the shared library of this build.
+        let test = std::env::current_exe().unwrap();
+        let link = |name: &str, file: &Path| std::os::unix::fs::symlink(file, built.path().join(name)).unwrap();
+        link("libneubrdf.so", &test.parent().unwrap().join("libneubrdf.so"));
+        link("neubrdf", Path::new(env!("CARGO_BIN_EXE_neubrdf")));
+        std::fs::write(built.path().join("libneubrdf.a"), "!<arch>\n").unwrap();
+        let mut install = Command::new(Path::new(ROOT).join("scripts/install.sh"));
+        run(install.arg(prefix.path()).arg(built.path()).env_remove("DESTDIR"));
+        Installed { prefix }
+    }
+
+    fn at(&self, place: &str) -> PathBuf {
+        self.prefix.path().join(place)
+    }
+
+    /// A program of one file, built by way of pkg-config.
+    fn compile(&self, compiler: &str, flags: &[&str], source: &str) -> Option<PathBuf> {
+        let mut ask = Command::new("pkg-config");
+        let said = run(ask.args(["--cflags", "--libs", "neubrdf"]).env("PKG_CONFIG_PATH", self.at("lib/pkgconfig")))?;
+        let program = self.at(source).with_extension("");
+        let mut command = Command::new(compiler);
+        command.args(WARNINGS).args(flags).arg(Path::new(ROOT).join("tests/capi").join(source));
+        run(command.args(said.split_whitespace()).args(["-lvulkan", "-o"]).arg(&program))?;
+        Some(program)
+    }
+
+    /// The host in C++, built by way of the lines for CMake that docs/embedding.md has.
+    fn compile_by_cmake(&self) -> Option<PathBuf> {
+        let page = std::fs::read_to_string(Path::new(ROOT).join("docs/embedding.md")).unwrap();
+        let lines = page.split("```cmake\n").nth(1).and_then(|rest| rest.split("```").next()).unwrap();
+        assert!(lines.contains("/usr/local"));
+        let lines = lines.replace("/usr/local", self.prefix.path().to_str().unwrap());
+        let (source, folder) = (Path::new(ROOT).join("tests/capi/host.cpp"), self.at("engine"));
+        std::fs::create_dir(&folder).unwrap();
+        let text = format!(
+            "cmake_minimum_required(VERSION 3.18)\nproject(engine LANGUAGES CXX)\nset(CMAKE_CXX_STANDARD 17)\n\
+             add_executable(engine {source:?})\n{lines}\n"
+        );
+        std::fs::write(folder.join("CMakeLists.txt"), text).unwrap();
+        let cmake = |arguments: &[&str]| run(Command::new("cmake").args(arguments).current_dir(&folder));
+        cmake(&["-S", ".", "-B", "build", &format!("-DCMAKE_CXX_FLAGS={}", WARNINGS.join(" "))])?;
+        cmake(&["--build", "build"])?;
+        Some(folder.join("build/engine"))
+    }
+
+    /// Where programs find the library, as they do in /usr/local by themselves.
+    fn command(&self, program: &Path) -> Command {
+        let mut command = Command::new(program);
+        command.env("LD_LIBRARY_PATH", self.at("lib"));
+        command
+    }
 }
 
 /// The scene that tests/capi/host.cpp makes, after its changes.
@@ -145,14 +186,13 @@ fn a_host_in_cpp_gets_the_bits_of_rust() {
         return eprintln!("skipped: no Vulkan headers (Debian: libvulkan-dev)");
     }
     let scratch = tempfile::tempdir().unwrap();
-    let program = scratch.path().join("host");
-    if compile("g++", &["-std=c++17"], "host.cpp", &program).is_none() {
-        return;
-    }
+    let installed = Installed::new();
+    let Some(program) = installed.compile("g++", &["-std=c++17"], "host.cpp") else { return };
+    let Some(program_of_cmake) = installed.compile_by_cmake() else { return };
     let file = Path::new(ROOT).join("scenes/cornell/cornell.obj");
     let (mut loaded, _) = Scene::load(&file).unwrap();
     loaded.film = Film { width: 64, height: 48 };
-    // Of the made one the first of four frames is that of the scene before the changes.
+    // Of the made one the first of four frames is that of the scene before the changes; the loaded one is reset after two.
     let small = Shape { n_side: 4, features: 4, codes: 60, hidden: &[12, 16, 12], ..Shape::FULL };
     let materials = [1, 2].map(|seed| {
         let file = scratch.path().join(format!("{seed}.neubrdf"));
@@ -161,12 +201,14 @@ fn a_host_in_cpp_gets_the_bits_of_rust() {
     });
     let changed = made_and_changed(&materials[1]);
     let made = ["made", "made-on-device"].map(|what| (Path::new(what), changed.clone(), 6));
-    for (what, scene, samples) in std::iter::once((file.as_path(), loaded, 8)).chain(made) {
+    for (what, scene, samples) in std::iter::once((file.as_path(), loaded, 4)).chain(made) {
         let pixels = scratch.path().join("pixels.bin");
-        let said = run(Command::new(&program).arg(what).arg(&pixels).arg(LAVAPIPE).args(&materials)).unwrap();
+        let own_memory = what == file.as_path();
+        let program = if own_memory { &program_of_cmake } else { &program };
+        let mut command = installed.command(program);
+        let said = run(command.arg(what).arg(&pixels).arg(LAVAPIPE).args(&materials)).unwrap();
         println!("{said}");
         assert!(said.contains("validation messages: 0"), "{said}");
-        let own_memory = what == file.as_path();
         assert!(own_memory || said.contains("pieces of the engine's memory, 0 left"), "{said}");
         let settings = Settings { max_depth: 5, seed: 3, features: false, ..Settings::default() };
         let expected = bits(&render(&driver.device, &scene, &settings, &Options::default(), samples));
@@ -186,10 +228,9 @@ fn mistakes_in_c_are_results() {
     if !vulkan_headers_are_there() {
         return eprintln!("skipped: no Vulkan headers (Debian: libvulkan-dev)");
     }
-    let scratch = tempfile::tempdir().unwrap();
-    let program = scratch.path().join("mistakes");
-    if compile("cc", &["-std=c11", "-pedantic"], "mistakes.c", &program).is_some() {
-        let said = run(Command::new(&program).arg(Path::new(ROOT).join("Cargo.toml"))).unwrap();
+    let installed = Installed::new();
+    if let Some(program) = installed.compile("cc", &["-std=c11", "-pedantic"], "mistakes.c") {
+        let said = run(installed.command(&program).arg(Path::new(ROOT).join("Cargo.toml"))).unwrap();
         assert!(said.contains("all is as expected"), "{said}");
     }
 }

@@ -17,9 +17,10 @@ use glam::{Affine3A, Quat, Vec3};
 use host::{HostMemory, Recording, in_every_host, in_lavapipe_hosts};
 use neubrdf::gpu::{self, Commands, HostBuffer, HostImage};
 use neubrdf::image::{Samples, plane, tone_map};
-use neubrdf::plugin::{Change, Channel, Error, Frame, Options, PixelFormat, Renderer, Target};
+use neubrdf::plugin::{Change, Channel, Error, Frame, Options, PixelFormat, Renderer, Target, Update};
+use neubrdf::render::bvh::Bvh;
 use neubrdf::render::{self, Features, Sampler, Settings};
-use neubrdf::scene::{Brdf, Camera, Environment, Film, Instance, Lens, Material, Scene, Sun, Surface};
+use neubrdf::scene::{Brdf, Camera, Environment, Film, Instance, Lens, Material, Mesh, Scene, Sun, Surface};
 
 /// The view from another side.
 fn orbit(scene: &Scene, degrees: f32) -> Change {
@@ -226,6 +227,60 @@ fn a_changed_scene_is_rendered_as_by_a_renderer_made_for_it() {
     });
 }
 
+/// The tree that the BVH walks, and the stack of its walk, have room for more than the few instances that were there at first, and
+/// for a mesh that is another.
+#[test]
+fn a_scene_of_two_instances_may_grow() {
+    in_lavapipe_hosts(|host| {
+        let device = host.lend();
+        let mut now = scene();
+        now.meshes.remove(1);
+        now.instances = [0, 1].map(|mesh| Instance { mesh, object_to_world: Affine3A::IDENTITY }).to_vec();
+        let mut renderer = renderer(host, &device, now.clone());
+        for count in [3, 1024] {
+            // One after the other in a line, so that good trees are deep.
+            let place =
+                |index: i32| Affine3A::from_translation(Vec3::new(0.0, -0.5 * index as f32, -1.2f32.powi(index % 64)));
+            now.instances = (0..count).map(|index| Instance { mesh: 0, object_to_world: place(index) }).collect();
+            now.instances[1] = Instance { mesh: 1, object_to_world: Affine3A::IDENTITY };
+            renderer.update(&[Change::Instances(now.instances.clone())]).unwrap();
+            assert!(frame(host, &device, &mut renderer, 2).0 == expected(host, &now, 2), "{count} instances");
+        }
+    });
+}
+
+/// A tree over the triangles of a cube needs more of a stack than a good one over those of the same cube, stretched.
+#[test]
+fn a_mesh_alone_may_take_another_shape() {
+    in_lavapipe_hosts(|host| {
+        let device = host.lend();
+        let corners = |stretch: f32| {
+            (0..8u8).map(move |corner| {
+                let bit = |axis: u8| f32::from(corner >> axis & 1);
+                Vec3::new(bit(0) + stretch * f32::from(corner.pow(2)), bit(1), bit(2))
+            })
+        };
+        let sides = [[0, 1, 3, 2], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3], [4, 6, 7, 5]];
+        let mut now = scene();
+        now.meshes = vec![Mesh {
+            name: "cube".into(),
+            positions: corners(0.1).collect(),
+            triangles: sides.iter().flat_map(|[a, b, c, d]| [[*a, *b, *c], [*a, *c, *d]]).collect(),
+            materials: vec![0],
+            ..Mesh::default()
+        }];
+        now.instances.truncate(1);
+        let stack = Bvh::over_triangles(&now.meshes[0]).stack;
+        let mut renderer = renderer(host, &device, now.clone());
+        now.meshes[0].positions = corners(0.0).collect();
+        assert!(Bvh::over_triangles_within(&now.meshes[0], stack).stack > stack);
+        let positions = now.meshes[0].positions.clone();
+        let deform = Change::Deform { mesh: 0, positions, normals: vec![], from: None, by: Update::Rebuild };
+        renderer.update(&[deform]).unwrap();
+        assert!(frame(host, &device, &mut renderer, 2).0 == expected(host, &now, 2));
+    });
+}
+
 #[test]
 fn what_was_reserved_may_come_and_go() {
     in_lavapipe_hosts(|host| {
@@ -321,6 +376,42 @@ fn a_sun_that_is_gone_leaves_no_bias() {
         let variance = differences.iter().map(|d| (d - mean).powi(2)).sum::<f64>() / (count - 1.0);
         let z = mean / (variance / count).sqrt();
         assert!(z.abs() < 4.0, "the pictures differ by {z} standard errors");
+    });
+}
+
+/// The recordings' numbers are fit to be the values of a host's timelines: one that says which may begin, and one that says which
+/// are done. All are submitted before the first may begin.
+#[test]
+fn timelines_of_the_host_s_order_frames_and_tell_which_are_done() {
+    in_lavapipe_hosts(|host| {
+        let device = host.lend();
+        let mut renderer = renderer(host, &device, scene());
+        let [go, done] = [(); 2].map(|()| host.timeline());
+        let buffer = host.buffer(40 * 30 * 16);
+        let targets = [Target::buffer(buffer.target(), PixelFormat::Rgba32Float)];
+        let mut recordings = Vec::new();
+        for number in 1..=3 {
+            let recording = host.begin();
+            let mut commands = host.wrap(&device, &recording);
+            assert_eq!(renderer.record(&mut commands, &Frame::new(2, &targets)).unwrap(), number);
+            commands.finish().unwrap();
+            host.to_host(&recording);
+            host.submit_between(&recording, (go, number), (done, number));
+            recordings.push(recording);
+        }
+        assert_eq!(host.reached(done), 0);
+        for number in 1..=3 {
+            host.signal(go, number);
+            while host.reached(done) < number {
+                std::thread::yield_now();
+            }
+            let status = renderer.complete(host.reached(done)).unwrap();
+            assert_eq!(u64::from(status.samples), 2 * number);
+        }
+        recordings.into_iter().for_each(|recording| host.wait(recording));
+        assert!(bits(&buffer.read()) == expected(host, &scene(), 6));
+        host.free_buffer(buffer);
+        [go, done].into_iter().for_each(|timeline| host.free_timeline(timeline));
     });
 }
 

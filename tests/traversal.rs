@@ -9,7 +9,7 @@ use common::{LAVAPIPE, SWIFTSHADER, driver};
 use glam::{Affine3A, DAffine3, Mat3, Quat, Vec3};
 use neubrdf::render::bvh::{Bvh, Intersection, LEAF, LEAF_COUNT_SHIFT, MAX_STACK, NO_CHILD, TriangleRay};
 use neubrdf::render::{Intersector, Query, Ray, RayHit, Traversal};
-use neubrdf::scene::{Camera, Film, Instance, Material, Mesh, Scene, Surface};
+use neubrdf::scene::{Bounds, Camera, Film, Instance, Material, Mesh, Scene, Surface};
 use rayon::prelude::*;
 
 /// PCG-XSH-RR, so that a failure can be repeated.
@@ -462,6 +462,16 @@ fn check_tree(mesh: &Mesh, seed: u64) {
 fn a_walk_finds_what_trying_all_triangles_finds() {
     for (seed, mesh) in (0..).zip([sphere(12), soup(500), room()]) {
         check_tree(&mesh, seed);
+    }
+}
+
+#[test]
+fn balanced_trees_need_no_more_stack_than_is_said() {
+    for count in (1..300).chain([1023, 1024, 1025, 4097]) {
+        let point = |index: usize| Bounds::EMPTY.including(Vec3::new(index as f32, 0.0, 0.0));
+        let boxes: Vec<Bounds> = (0..count).map(point).collect();
+        // A stack of nothing makes it balance.
+        assert!(Bvh::over_single_boxes(&boxes, 0).stack <= Bvh::balanced_stack(count), "{count}");
     }
 }
 

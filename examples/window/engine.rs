@@ -9,6 +9,9 @@ use neubrdf::plugin::PixelFormat;
 use winit::raw_window_handle::{HasDisplayHandle, HasWindowHandle};
 use winit::window::Window;
 
+use crate::caption;
+use crate::mapped::Mapped;
+
 type Outcome<T> = Result<T, Box<dyn Error>>;
 
 /// Frames that are recorded while the device works on those before.
@@ -38,6 +41,8 @@ struct Slot {
     commands: vk::CommandBuffer,
     done: vk::Fence,
     acquired: vk::Semaphore,
+    /// What is written over the picture.
+    caption: Mapped,
 }
 
 struct Swapchain {
@@ -120,6 +125,11 @@ impl Engine {
                     commands,
                     done: device.create_fence(&signalled, None)?,
                     acquired: device.create_semaphore(&vk::SemaphoreCreateInfo::default(), None)?,
+                    caption: Mapped::new(
+                        (&instance, physical, &device),
+                        4 * caption::SIZE[0] * caption::SIZE[1],
+                        vk::BufferUsageFlags::TRANSFER_SRC,
+                    )?,
                 });
             }
             let swapchains = khr::swapchain::Device::new(&instance, &device);
@@ -218,13 +228,14 @@ impl Engine {
         Ok(self.turn)
     }
 
-    /// Lets neubrdf write the next image, and presents it. After [`Engine::wait_for_slot`].
+    /// Lets neubrdf write the next image, writes words over it, and presents it. After [`Engine::wait_for_slot`].
     pub fn show(
         &mut self,
+        words: &str,
         copies: bool,
         record: impl FnOnce(&mut Commands, HostImage, PixelFormat) -> Outcome<()>,
     ) -> Outcome<Shown> {
-        let Slot { commands, done, acquired } = self.slots[self.turn];
+        let Slot { commands, done, acquired, .. } = self.slots[self.turn];
         let Some(lent) = &self.lent else { return Err("the device was not lent".into()) };
         let Some(format) = pixel_format(self.swapchain.format.format) else { return Err("no 8-bit format".into()) };
         // SAFETY: the slot is free; semaphores and fence are used in the order that Vulkan asks for.
@@ -238,13 +249,16 @@ impl Engine {
             let (image, ready) = (self.swapchain.images[index as usize], self.swapchain.ready[index as usize]);
             let info = vk::CommandBufferBeginInfo::default().flags(vk::CommandBufferUsageFlags::ONE_TIME_SUBMIT);
             self.device.begin_command_buffer(commands, &info)?;
-            // The old texels may go; afterwards the image is presented, by way of a copy if one is wanted.
-            let after = if copies { vk::ImageLayout::TRANSFER_SRC_OPTIMAL } else { vk::ImageLayout::PRESENT_SRC_KHR };
-            let target = HostImage::new(image).with_layouts(vk::ImageLayout::UNDEFINED, after);
+            // The old texels may go; afterwards the words are copied over the picture.
+            let [undefined, written] = [vk::ImageLayout::UNDEFINED, vk::ImageLayout::TRANSFER_DST_OPTIMAL];
+            let target = HostImage::new(image).with_layouts(undefined, written);
             let mut recording = Commands::wrap(lent, commands);
             record(&mut recording, target, format)?;
             recording.finish()?;
+            self.write(commands, image, words);
             let copy = if copies { Some(self.copy(commands, image)?) } else { None };
+            let before = if copies { vk::ImageLayout::TRANSFER_SRC_OPTIMAL } else { written };
+            self.transition(commands, image, before, vk::ImageLayout::PRESENT_SRC_KHR);
             self.device.end_command_buffer(commands)?;
 
             self.device.reset_fences(&[done])?;
@@ -264,7 +278,9 @@ impl Engine {
             self.turn = (self.turn + 1) % IN_FLIGHT;
             if let Some(copy) = copy {
                 self.device.wait_for_fences(&[done], true, u64::MAX)?;
-                return Ok(Shown::Copied(copy.take(self, format == PixelFormat::Bgra8)));
+                let pixels = copy.pixels(format == PixelFormat::Bgra8);
+                copy.destroy(&self.device);
+                return Ok(Shown::Copied(pixels));
             }
             match presented {
                 Ok(_) => Ok(Shown::Presented),
@@ -279,54 +295,69 @@ impl Engine {
         let _ = unsafe { self.device.device_wait_idle() };
     }
 
-    /// Records a copy of an image in TRANSFER_SRC_OPTIMAL, which may be presented afterwards.
-    unsafe fn copy(&self, commands: vk::CommandBuffer, image: vk::Image) -> Outcome<Copied> {
-        let [width, height] = self.swapchain.size;
-        let size = u64::from(width) * u64::from(height) * 4;
-        // SAFETY: the buffer holds the image; its memory is as large as it requires.
+    /// Copies words into the corner of an image in TRANSFER_DST_OPTIMAL, over what was copied there before.
+    unsafe fn write(&self, commands: vk::CommandBuffer, image: vk::Image, words: &str) {
+        let layout = vk::ImageLayout::TRANSFER_DST_OPTIMAL;
+        let caption = &self.slots[self.turn].caption;
+        let pixels = caption::draw(words);
+        let [width, height] = [0, 1].map(|i| self.swapchain.size[i].min(caption::SIZE[i] as u32));
+        let layers = vk::ImageSubresourceLayers::default().aspect_mask(vk::ImageAspectFlags::COLOR).layer_count(1);
+        let region = vk::BufferImageCopy::default()
+            .buffer_row_length(caption::SIZE[0] as u32)
+            .image_subresource(layers)
+            .image_extent(vk::Extent3D { width, height, depth: 1 });
+        // SAFETY: the slot is free, its buffer as large as what is drawn, and the part of it that is copied lies in the image.
         unsafe {
-            let info = vk::BufferCreateInfo::default().size(size).usage(vk::BufferUsageFlags::TRANSFER_DST);
-            let buffer = self.device.create_buffer(&info, None)?;
-            let requirements = self.device.get_buffer_memory_requirements(buffer);
-            let visible = vk::MemoryPropertyFlags::HOST_VISIBLE | vk::MemoryPropertyFlags::HOST_COHERENT;
-            let types = self.instance.get_physical_device_memory_properties(self.physical);
-            let fits = |index: &u32| {
-                requirements.memory_type_bits >> index & 1 == 1
-                    && types.memory_types[*index as usize].property_flags.contains(visible)
-            };
-            let index = (0..types.memory_type_count).find(fits).ok_or("no memory that the host sees")?;
-            let info = vk::MemoryAllocateInfo::default().allocation_size(requirements.size).memory_type_index(index);
-            let memory = self.device.allocate_memory(&info, None)?;
-            self.device.bind_buffer_memory(buffer, memory, 0)?;
-            let layers = vk::ImageSubresourceLayers::default().aspect_mask(vk::ImageAspectFlags::COLOR).layer_count(1);
-            let region = vk::BufferImageCopy::default().image_subresource(layers).image_extent(vk::Extent3D {
-                width,
-                height,
-                depth: 1,
-            });
-            let from = vk::ImageLayout::TRANSFER_SRC_OPTIMAL;
-            self.device.cmd_copy_image_to_buffer(commands, image, from, buffer, &[region]);
-            let range = vk::ImageSubresourceRange::default()
-                .aspect_mask(vk::ImageAspectFlags::COLOR)
-                .level_count(1)
-                .layer_count(1);
-            let to_screen = vk::ImageMemoryBarrier::default()
-                .old_layout(from)
-                .new_layout(vk::ImageLayout::PRESENT_SRC_KHR)
-                .src_queue_family_index(vk::QUEUE_FAMILY_IGNORED)
-                .dst_queue_family_index(vk::QUEUE_FAMILY_IGNORED)
-                .image(image)
-                .subresource_range(range);
-            let to_host = vk::MemoryBarrier::default()
-                .src_access_mask(vk::AccessFlags::TRANSFER_WRITE)
-                .dst_access_mask(vk::AccessFlags::HOST_READ);
-            let (copies, readers) = (
-                vk::PipelineStageFlags::TRANSFER,
-                vk::PipelineStageFlags::HOST | vk::PipelineStageFlags::BOTTOM_OF_PIPE,
-            );
-            let none = vk::DependencyFlags::empty();
-            self.device.cmd_pipeline_barrier(commands, copies, readers, none, &[to_host], &[], &[to_screen]);
-            Ok(Copied { buffer, memory, size })
+            std::ptr::copy_nonoverlapping(pixels.as_ptr(), caption.bytes, pixels.len().min(caption.size));
+            self.transition(commands, image, layout, layout);
+            self.device.cmd_copy_buffer_to_image(commands, caption.buffer, image, layout, &[region]);
+        }
+    }
+
+    /// Lets copies, the CPU's reads and the screen wait for copies to an image, which goes from one layout to another.
+    unsafe fn transition(
+        &self,
+        commands: vk::CommandBuffer,
+        image: vk::Image,
+        old: vk::ImageLayout,
+        new: vk::ImageLayout,
+    ) {
+        use vk::{AccessFlags as Access, PipelineStageFlags as Stage};
+        let range =
+            vk::ImageSubresourceRange::default().aspect_mask(vk::ImageAspectFlags::COLOR).level_count(1).layer_count(1);
+        let of_image = vk::ImageMemoryBarrier::default()
+            .src_access_mask(Access::TRANSFER_WRITE)
+            .dst_access_mask(Access::TRANSFER_READ | Access::TRANSFER_WRITE)
+            .old_layout(old)
+            .new_layout(new)
+            .src_queue_family_index(vk::QUEUE_FAMILY_IGNORED)
+            .dst_queue_family_index(vk::QUEUE_FAMILY_IGNORED)
+            .image(image)
+            .subresource_range(range);
+        let to_cpu =
+            vk::MemoryBarrier::default().src_access_mask(Access::TRANSFER_WRITE).dst_access_mask(Access::HOST_READ);
+        let (from, to, none) = (Stage::TRANSFER, Stage::TRANSFER | Stage::HOST, vk::DependencyFlags::empty());
+        // SAFETY: the command buffer is being recorded, the image is in the old layout.
+        unsafe { self.device.cmd_pipeline_barrier(commands, from, to, none, &[to_cpu], &[], &[of_image]) };
+    }
+
+    /// Records a copy of an image in TRANSFER_DST_OPTIMAL, which is in TRANSFER_SRC_OPTIMAL afterwards.
+    unsafe fn copy(&self, commands: vk::CommandBuffer, image: vk::Image) -> Outcome<Mapped> {
+        let [width, height] = self.swapchain.size;
+        let from = vk::ImageLayout::TRANSFER_SRC_OPTIMAL;
+        let layers = vk::ImageSubresourceLayers::default().aspect_mask(vk::ImageAspectFlags::COLOR).layer_count(1);
+        let region = vk::BufferImageCopy::default().image_subresource(layers).image_extent(vk::Extent3D {
+            width,
+            height,
+            depth: 1,
+        });
+        // SAFETY: the buffer holds the image.
+        unsafe {
+            let of = (&self.instance, self.physical, &self.device);
+            let copy = Mapped::new(of, 4 * width as usize * height as usize, vk::BufferUsageFlags::TRANSFER_DST)?;
+            self.transition(commands, image, vk::ImageLayout::TRANSFER_DST_OPTIMAL, from);
+            self.device.cmd_copy_image_to_buffer(commands, image, from, copy.buffer, &[region]);
+            Ok(copy)
         }
     }
 
@@ -335,31 +366,6 @@ impl Engine {
         unsafe {
             swapchain.ready.iter().for_each(|semaphore| self.device.destroy_semaphore(*semaphore, None));
             self.swapchains.destroy_swapchain(swapchain.raw, None);
-        }
-    }
-}
-
-/// A copy of a picture that the device is making.
-struct Copied {
-    buffer: vk::Buffer,
-    memory: vk::DeviceMemory,
-    size: u64,
-}
-
-impl Copied {
-    /// The bytes, red first; the copy is done.
-    unsafe fn take(self, engine: &Engine, blue_first: bool) -> Vec<u8> {
-        // SAFETY: the memory is as large, and nothing uses it any longer.
-        unsafe {
-            let mapped = engine.device.map_memory(self.memory, 0, self.size, vk::MemoryMapFlags::empty());
-            let bytes = mapped.map(|mapped| std::slice::from_raw_parts(mapped.cast::<u8>(), self.size as usize));
-            let mut pixels = bytes.map(<[u8]>::to_vec).unwrap_or_default();
-            engine.device.destroy_buffer(self.buffer, None);
-            engine.device.free_memory(self.memory, None);
-            if blue_first {
-                pixels.chunks_exact_mut(4).for_each(|pixel| pixel.swap(0, 2));
-            }
-            pixels
         }
     }
 }
@@ -383,6 +389,7 @@ impl Drop for Engine {
             for slot in &self.slots {
                 self.device.destroy_fence(slot.done, None);
                 self.device.destroy_semaphore(slot.acquired, None);
+                slot.caption.destroy(&self.device);
             }
             self.device.destroy_command_pool(self.pool, None);
             self.device.destroy_device(None);

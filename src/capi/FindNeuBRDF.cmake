@@ -2,9 +2,10 @@
 #
 #   list(APPEND CMAKE_MODULE_PATH /usr/local/share/neubrdf/cmake)
 #   find_package(NeuBRDF REQUIRED)
-#   target_link_libraries(engine PRIVATE NeuBRDF::NeuBRDF)          # or NeuBRDF::Static
+#   find_package(Vulkan REQUIRED)                                               # its header is what ours includes
+#   target_link_libraries(engine PRIVATE NeuBRDF::NeuBRDF Vulkan::Vulkan)       # or NeuBRDF::Static
 #
-# NeuBRDF_ROOT names another prefix. The header wants Vulkan's: find_package(Vulkan).
+# NeuBRDF_ROOT names another prefix.
 get_filename_component(NeuBRDF_PREFIX "${CMAKE_CURRENT_LIST_DIR}/../../.." ABSOLUTE)
 find_path(NeuBRDF_INCLUDE_DIR neubrdf.h HINTS "${NeuBRDF_PREFIX}/include")
 find_library(NeuBRDF_LIBRARY NAMES libneubrdf.so HINTS "${NeuBRDF_PREFIX}/lib")

@@ -296,3 +296,45 @@ pub(super) unsafe fn end<T>(object: *mut T) {
         });
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_panic_goes_no_further_and_has_words() {
+        assert_eq!(call(|| panic!("an invariant")) as i32, NeubrdfResult::Panic as i32);
+        // SAFETY: the words are a C string, and this thread makes no other call meanwhile.
+        let words = unsafe { CStr::from_ptr(neubrdf_last_error()) }.to_str().unwrap();
+        assert!(words.contains("an invariant"), "{words}");
+    }
+
+    /// A struct that grew by a member since the first version.
+    #[derive(Clone, Copy)]
+    #[repr(C)]
+    struct Grown {
+        size: u32,
+        old: u32,
+        new: u32,
+    }
+
+    // SAFETY: numbers.
+    unsafe impl Sized32 for Grown {
+        const NAME: &'static str = "Grown";
+        const FIRST: usize = 8;
+    }
+
+    #[test]
+    fn structs_of_older_and_newer_programs_are_read_as_far_as_they_go() {
+        let read = |size| {
+            let theirs = Grown { size, old: 1, new: 2 };
+            // SAFETY: there are as many bytes as the sizes below say, or fewer are read.
+            unsafe { read(&raw const theirs) }.map(|ours| (ours.old, ours.new)).ok()
+        };
+        assert_eq!([7, 8, 12, 99].map(read), [None, Some((1, 0)), Some((1, 2)), Some((1, 2))]);
+        let mut theirs = Grown { size: 8, old: 0, new: 0 };
+        // SAFETY: as many bytes are there.
+        assert!(unsafe { write(&raw mut theirs, Grown { size: 12, old: 3, new: 4 }) }.is_ok());
+        assert_eq!((theirs.size, theirs.old, theirs.new), (8, 3, 0));
+    }
+}

@@ -1,5 +1,6 @@
 //! Recording: dispatches, barriers, copies, and how long each pass took.
 
+use std::borrow::Cow;
 use std::ops::Range;
 use std::sync::Arc;
 
@@ -27,7 +28,9 @@ pub struct Commands {
     pool: vk::CommandPool,
     bound: vk::Pipeline,
     has_tlas: bool,
-    passes: Vec<String>,
+    /// Those whose times are taken: none in a host's command buffer.
+    passes: Vec<Cow<'static, str>>,
+    has_label: bool,
     times_dispatches: bool,
     queries: Vec<vk::QueryPool>,
     error: Option<Error>,
@@ -82,6 +85,7 @@ impl Commands {
             bound: vk::Pipeline::null(),
             has_tlas: false,
             passes: Vec::new(),
+            has_label: false,
             times_dispatches: false,
             queries: Vec::new(),
             error: None,
@@ -286,19 +290,24 @@ impl Commands {
     ///
     /// A pass's time runs from the end of all work before it to the end of all its own, so put a [`Commands::barrier`]
     /// between passes that should not overlap.
-    pub fn timestamp(&mut self, label: impl Into<String>) {
+    pub fn timestamp(&mut self, label: impl Into<Cow<'static, str>>) {
         if self.error.is_some() {
             return;
         }
         let label = label.into();
         self.end_label();
-        if let (Some(debug), Ok(name)) = (&self.device.debug, std::ffi::CString::new(label.as_str())) {
+        if let Some(debug) = &self.device.debug
+            && let Ok(name) = std::ffi::CString::new(&*label)
+        {
             let info = vk::DebugUtilsLabelEXT::default().label_name(&name);
             // SAFETY: the command buffer is being recorded.
             unsafe { debug.cmd_begin_debug_utils_label(self.raw, &info) };
+            self.has_label = true;
         }
-        self.write_timestamp();
-        self.passes.push(label);
+        if self.pool != vk::CommandPool::null() {
+            self.write_timestamp();
+            self.passes.push(label);
+        }
     }
 
     /// Makes every dispatch that follows a pass of its own, by the name of its kernel. For measurements: on lavapipe a
@@ -388,7 +397,7 @@ impl Commands {
 
     /// The time at which all work so far is done, where the queue has timestamps.
     fn write_timestamp(&mut self) {
-        if self.pool == vk::CommandPool::null() || self.device.limits().timestamp_valid_bits == 0 {
+        if self.device.limits().timestamp_valid_bits == 0 {
             return;
         }
         let query = self.passes.len() as u32 % POOL_QUERIES;
@@ -413,8 +422,8 @@ impl Commands {
     }
 
     fn end_label(&mut self) {
-        if let (Some(debug), false) = (&self.device.debug, self.passes.is_empty()) {
-            // SAFETY: every pass but the one ended here was ended when the next began.
+        if let (Some(debug), true) = (&self.device.debug, std::mem::take(&mut self.has_label)) {
+            // SAFETY: a label was begun, and is ended here once.
             unsafe { debug.cmd_end_debug_utils_label(self.raw) };
         }
     }
@@ -434,7 +443,7 @@ impl Commands {
     }
 
     pub(super) fn last_pass(&self) -> Option<String> {
-        self.passes.last().cloned()
+        self.passes.last().map(|label| label.to_string())
     }
 
     /// Ends the command buffer for submission to that device.
@@ -487,7 +496,7 @@ impl Commands {
             let elapsed = ticks.get(i + 1)?.wrapping_sub(*ticks.get(i)?) & mask;
             Some((elapsed as f64 * f64::from(limits.timestamp_period)) as u64)
         };
-        Ok(self.passes.iter().enumerate().map(|(i, label)| (label.clone(), span(i))).collect())
+        Ok(self.passes.iter().enumerate().map(|(i, label)| (label.to_string(), span(i))).collect())
     }
 }
 

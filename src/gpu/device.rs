@@ -1,6 +1,6 @@
 //! A Vulkan device with its queue, its memory and the timeline that orders all work on it.
 
-use std::collections::{BTreeSet, VecDeque};
+use std::collections::VecDeque;
 use std::sync::{Arc, Mutex};
 
 use ash::{ext, khr, vk};
@@ -124,8 +124,8 @@ struct Queue {
 #[derive(Default)]
 struct Graveyard {
     recordings: u64,
-    /// Recordings begun and neither submitted nor given up.
-    open: BTreeSet<u64>,
+    /// Recordings begun and neither submitted nor given up, oldest first.
+    open: Vec<u64>,
     /// Objects that recordings below the number may use.
     recorded: VecDeque<(u64, Retired)>,
     /// Objects that submissions up to the number may use.
@@ -382,13 +382,13 @@ impl Device {
         let mut graveyard = lock(&self.graveyard);
         graveyard.recordings += 1;
         let recording = graveyard.recordings;
-        graveyard.open.insert(recording);
+        graveyard.open.push(recording);
         recording
     }
 
     /// The recording was submitted, or never will be.
     pub(super) fn close_recording(&self, recording: u64) {
-        lock(&self.graveyard).open.remove(&recording);
+        lock(&self.graveyard).open.retain(|open| *open != recording);
         self.free_retired();
     }
 

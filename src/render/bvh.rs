@@ -147,10 +147,11 @@ impl Bvh {
         if bvh.stack <= stack { bvh } else { Bvh::from_binary(&halve(boxes), boxes) }
     }
 
-    /// The stack that a balanced tree over so many single boxes needs, wherever they lie.
+    /// A stack that is enough for a balanced tree over so many single boxes, wherever they lie: each level quarters them, and
+    /// leaves three nodes to visit later.
     pub fn balanced_stack(boxes: usize) -> u32 {
-        let points = vec![Bounds { min: Vec3::ZERO, max: Vec3::ZERO }; boxes.max(1)];
-        Bvh::from_binary(&halve(&points), &points).stack
+        let levels = (boxes.max(1) as u64).next_power_of_two().ilog2().div_ceil(2);
+        3 * levels + 1
     }
 
     /// A tree over boxes whose leaves hold the index of one box each, so that [`Bvh::order`] says nothing. Its stack is at

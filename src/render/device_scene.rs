@@ -74,7 +74,7 @@ impl DeviceScene {
         traversal: Traversal,
         precision: Option<Precision>,
     ) -> Result<DeviceScene, Error> {
-        let geometry = Geometry::new(upload, scene, host_meshes, traversal)?;
+        let geometry = Geometry::new(upload, (scene, host_meshes), traversal, features.instanced)?;
         let (materials, neubrdf_shape) = DeviceMaterials::new(upload, &scene.materials, &scene.brdfs, precision)?;
         let neubrdf_shape = neubrdf_shape.on(upload.device());
         let mut buffers = Vec::new();

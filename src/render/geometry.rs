@@ -29,6 +29,10 @@ crate::shared_structs! {
     }
 }
 
+/// Instances that there is always room for where they may change. The walk's stack has 16 entries then, as meshes of a thousand
+/// triangles need anyway: two words of a packet of eight on CPU drivers.
+const ROOM: usize = 1024;
+
 /// The uploaded geometry.
 pub struct Geometry {
     meshes: Vec<Arc<DeviceMesh>>,
@@ -70,19 +74,19 @@ impl Geometry {
     /// # Errors
     /// [`Traversal::RayQuery`] on a device without it, a mesh with too many triangles, out of memory.
     pub fn upload(device: &Arc<Device>, scene: &Scene, traversal: Traversal) -> Result<Geometry, Error> {
-        Geometry::new(&mut Upload::now(device), scene, &[], traversal)
+        Geometry::new(&mut Upload::now(device), (scene, &[]), traversal, false)
     }
 
-    /// The same by way of `upload`. One that comes later leaves room for the instances to move. The meshes of those indices
-    /// come from a host's buffers.
+    /// The same by way of `upload`. One that comes later leaves room for what changes bring: meshes of another shape and, where
+    /// `instances_change`, other instances. The meshes of those indices come from a host's buffers.
     ///
     /// # Errors
     /// As of [`Geometry::upload`], and a host's mesh that does not go with the scene's or with the traversal.
     pub fn new(
         upload: &mut Upload,
-        scene: &Scene,
-        host_meshes: &[(u32, HostMesh)],
+        (scene, host_meshes): (&Scene, &[(u32, HostMesh)]),
         traversal: Traversal,
+        instances_change: bool,
     ) -> Result<Geometry, Error> {
         let device = upload.device().clone();
         let gatherer = Gatherer::default();
@@ -116,7 +120,7 @@ impl Geometry {
                 let tree = Bvh::over_single_boxes(&world_boxes(scene, &meshes), MAX_STACK);
                 stack = stack.max(tree.stack);
                 if upload.is_later() {
-                    stack = stack.max(Bvh::balanced_stack(scene.instances.len()));
+                    stack = stack.max(stack_of_changes(scene, instances_change));
                 }
                 let nodes = upload.buffer::<BvhNode>("tree over instances", &tree.nodes)?;
                 Top::Tree { tree: Arc::new(tree), nodes }
@@ -251,6 +255,13 @@ impl Placement {
     pub fn tlas(&self) -> Option<&Tlas> {
         if let Top::Structure(tlas) = &self.top { Some(tlas) } else { None }
     }
+}
+
+/// What a walk's stack must hold so that whatever is deformed finds room, and four times the instances, or [`ROOM`] of them.
+fn stack_of_changes(scene: &Scene, instances_change: bool) -> u32 {
+    let triangles = scene.meshes.iter().map(|mesh| mesh.triangles.len()).max().unwrap_or(0);
+    let instances = if instances_change { (4 * scene.instances.len()).max(ROOM) } else { 0 };
+    Bvh::balanced_stack(triangles.max(instances))
 }
 
 /// The buffer overwritten with the data where they fit, else a new one.

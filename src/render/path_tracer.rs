@@ -162,7 +162,7 @@ impl PathTracer {
     }
 
     /// `samples` more samples of all pixels after the first `done`, in batches that the pool holds.
-    pub fn batches(&self, done: u32, samples: u32) -> Vec<Batch> {
+    pub fn batches(&self, done: u32, samples: u32) -> impl Iterator<Item = Batch> + use<> {
         batches(self.film.pixel_count(), done, samples, self.pool.capacity())
     }
 
@@ -326,25 +326,17 @@ pub struct Batch {
 }
 
 /// Cuts `samples` samples of each pixel into batches of at most `capacity` paths, samples of a pixel side by side.
-fn batches(pixel_count: u64, first_sample: u32, samples: u32, capacity: u32) -> Vec<Batch> {
-    let mut batches = Vec::new();
-    let mut done = 0;
-    while done < samples {
+fn batches(pixel_count: u64, first_sample: u32, samples: u32, capacity: u32) -> impl Iterator<Item = Batch> {
+    (0..samples).step_by(capacity as usize).flat_map(move |done| {
         let chunk = (samples - done).min(capacity);
         let pixels = u64::from(capacity / chunk).min(pixel_count);
-        let mut first_pixel = 0;
-        while first_pixel < pixel_count {
-            batches.push(Batch {
-                first_pixel: first_pixel as u32,
-                pixels: pixels.min(pixel_count - first_pixel) as u32,
-                first_sample: first_sample + done,
-                samples: chunk,
-            });
-            first_pixel += pixels;
-        }
-        done += chunk;
-    }
-    batches
+        (0..pixel_count).step_by(pixels as usize).map(move |first_pixel| Batch {
+            first_pixel: first_pixel as u32,
+            pixels: pixels.min(pixel_count - first_pixel) as u32,
+            first_sample: first_sample + done,
+            samples: chunk,
+        })
+    })
 }
 
 #[cfg(test)]

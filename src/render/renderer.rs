@@ -131,7 +131,7 @@ impl Renderer {
     }
 
     fn sample(&mut self, samples: u32, timed: bool) -> Result<KernelTimes, Error> {
-        let batches = self.tracer.batches(self.samples, samples);
+        let batches: Vec<Batch> = self.tracer.batches(self.samples, samples).collect();
         let times = self.submit(&batches, timed, |commands, batch| self.tracer.record(commands, batch, |_, _| ()))?;
         self.samples += samples;
         Ok(times)
@@ -139,7 +139,7 @@ impl Renderer {
 
     /// Depth and ids of the ray through each pixel's centre.
     fn probe(&mut self) -> Result<(), Error> {
-        let batches = self.tracer.batches(0, 1);
+        let batches: Vec<Batch> = self.tracer.batches(0, 1).collect();
         self.submit(&batches, false, |commands, batch| self.tracer.record_probe(commands, batch))?;
         Ok(())
     }

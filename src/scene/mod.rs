@@ -45,6 +45,8 @@ pub use mesh::{Bounds, Instance, Mesh};
 pub use surface_maps::SurfaceMaps;
 pub use texture::Texture;
 pub use woven::{Woven, Yarn};
+// What whoever puts a scene together must speak with us: the same versions.
+pub use {glam, half};
 
 use std::sync::Arc;
 

@@ -381,7 +381,11 @@ static void render(const Engine& engine, const char* file, const char* output, c
     host.ray_query = engine.ray_query;
     host.debug_utils = 1;
     Allocator allocator{engine, {}};
+    VkPipelineCache cache = VK_NULL_HANDLE;
     if (is_made) {
+        VkPipelineCacheCreateInfo cache_info{VK_STRUCTURE_TYPE_PIPELINE_CACHE_CREATE_INFO};
+        CHECK(vkCreatePipelineCache(engine.device, &cache_info, nullptr, &cache));
+        host.pipeline_cache = cache;
         host.allocate = allocate;
         host.free = release;
         host.user = &allocator;
@@ -391,18 +395,19 @@ static void render(const Engine& engine, const char* file, const char* output, c
     NeubrdfScene* scene = nullptr;
     if (is_made) scene = make_scene(square, on_device, materials[0]);
     else CHECK(neubrdf_scene_load(file, &scene));
-    CHECK(neubrdf_scene_set_film(scene, width, height));
+    CHECK(neubrdf_scene_set_film(scene, width / 2, height / 3));
     NeubrdfOptions options{};
     options.size = sizeof options;
     options.max_depth = 5;
     options.seed = 3;
-    options.frames_in_flight = frames;
+    options.frames_in_flight = frames + 1;
     options.reserve = is_made ? NEUBRDF_RESERVE_NEUBRDF : 0;
     options.neubrdf_count = 2;
     options.traversal = on_device ? NEUBRDF_TRAVERSAL_RAY_QUERY : NEUBRDF_TRAVERSAL_AUTO;
     NeubrdfRenderer* renderer;
     CHECK(neubrdf_renderer_create(context, scene, &options, &renderer));
     neubrdf_scene_destroy(scene);
+    CHECK(neubrdf_renderer_resize(renderer, width, height));
 
     // All frames are recorded and submitted before any is waited for.
     std::vector<VkCommandBuffer> commands(frames);
@@ -416,6 +421,7 @@ static void render(const Engine& engine, const char* file, const char* output, c
     uint64_t ticket = 0;
     for (uint32_t i = 0; i < frames; ++i) {
         if (is_made && i == 1) change(renderer, square, on_device, materials[1]);
+        if (!is_made && i == 2) CHECK(neubrdf_renderer_reset(renderer));
         VkCommandBufferBeginInfo begin{VK_STRUCTURE_TYPE_COMMAND_BUFFER_BEGIN_INFO};
         CHECK(vkBeginCommandBuffer(commands[i], &begin));
         NeubrdfTarget target{};
@@ -430,7 +436,13 @@ static void render(const Engine& engine, const char* file, const char* output, c
         frame.targets = &target;
         frame.target_count = 1;
         frame.estimates_error = 1;
+        if (i == 0) CHECK(neubrdf_renderer_record_upload(renderer, commands[i], &ticket));
         CHECK(neubrdf_renderer_record(renderer, commands[i], &frame, &ticket));
+        if (i == 0) {
+            const NeubrdfResult lost = neubrdf_renderer_device_lost(renderer);
+            const bool says_where = std::strstr(neubrdf_last_error(), "nothing yet of recording 1") != nullptr;
+            if (lost != NEUBRDF_RESULT_DEVICE_LOST || !says_where) std::exit(1);
+        }
         if (i + 1 == frames) {
             VkBufferImageCopy region{};
             region.imageSubresource = {VK_IMAGE_ASPECT_COLOR_BIT, 0, 0, 1};
@@ -443,6 +455,9 @@ static void render(const Engine& engine, const char* file, const char* output, c
         submit.pCommandBuffers = &commands[i];
         CHECK(vkQueueSubmit(engine.queue, 1, &submit, i + 1 == frames ? fence : VK_NULL_HANDLE));
     }
+    uint32_t size[2], samples;
+    CHECK(neubrdf_renderer_size(renderer, &size[0], &size[1], &samples));
+    if (size[0] != width || size[1] != height || samples != (is_made ? 6 : 4)) std::exit(1);
     // One more would be too many.
     NeubrdfFrame one_more{};
     one_more.size = sizeof one_more;
@@ -460,6 +475,7 @@ static void render(const Engine& engine, const char* file, const char* output, c
 
     neubrdf_renderer_destroy(renderer);
     neubrdf_context_destroy(context);
+    vkDestroyPipelineCache(engine.device, cache, nullptr);
     std::printf("%d pieces of the engine's memory, %d left\n", allocator.given, allocator.alive);
     vkDestroyFence(engine.device, fence, nullptr);
     vkDestroyBuffer(engine.device, buffer, nullptr);

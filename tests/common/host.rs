@@ -20,7 +20,7 @@ pub struct Host {
     pub ray_query: bool,
     pub name: String,
     physical: vk::PhysicalDevice,
-    memory: vk::PhysicalDeviceMemoryProperties,
+    pub memory: vk::PhysicalDeviceMemoryProperties,
     pool: vk::CommandPool,
     pipeline_cache: vk::PipelineCache,
     instance: ash::Instance,
@@ -183,6 +183,19 @@ impl Host {
         host
     }
 
+    /// The same by raw handles, with functions found by way of what is made of the loader's.
+    pub fn host_device_through(
+        &self,
+        over_loader: impl FnOnce(vk::PFN_vkGetInstanceProcAddr) -> vk::PFN_vkGetInstanceProcAddr,
+    ) -> HostDevice {
+        let functions = over_loader(self.entry.static_fn().get_instance_proc_addr);
+        let (instance, device) = (self.instance.handle(), self.device.handle());
+        // SAFETY: the handles are alive and belong together.
+        let mut host = unsafe { HostDevice::load(functions, instance, self.physical, device, 0) };
+        host.ray_query = self.ray_query;
+        host
+    }
+
     /// The device, lent to the plugin.
     pub fn lend(&self) -> Arc<Device> {
         // SAFETY: the handles belong together; tests drop what they made before the host.
@@ -261,6 +274,56 @@ impl Host {
             self.device.end_command_buffer(recording.commands).unwrap();
             self.device.queue_submit(self.queue, &[info], recording.fence).unwrap();
         }
+    }
+
+    /// The same behind a value of one timeline, and then raises another to one.
+    pub fn submit_between(
+        &self,
+        recording: &Recording,
+        (before, number): (vk::Semaphore, u64),
+        (after, raised): (vk::Semaphore, u64),
+    ) {
+        let (buffers, befores, afters) = ([recording.commands], [before], [after]);
+        let (numbers, raised) = ([number], [raised]);
+        let mut values =
+            vk::TimelineSemaphoreSubmitInfo::default().wait_semaphore_values(&numbers).signal_semaphore_values(&raised);
+        let info = vk::SubmitInfo::default()
+            .command_buffers(&buffers)
+            .wait_semaphores(&befores)
+            .wait_dst_stage_mask(&[vk::PipelineStageFlags::ALL_COMMANDS])
+            .signal_semaphores(&afters)
+            .push_next(&mut values);
+        // SAFETY: as above, and the semaphores are timelines of the device's.
+        unsafe {
+            self.device.end_command_buffer(recording.commands).unwrap();
+            self.device.queue_submit(self.queue, &[info], recording.fence).unwrap();
+        }
+    }
+
+    /// A timeline at 0.
+    pub fn timeline(&self) -> vk::Semaphore {
+        let mut kind = vk::SemaphoreTypeCreateInfo::default().semaphore_type(vk::SemaphoreType::TIMELINE);
+        let info = vk::SemaphoreCreateInfo::default().push_next(&mut kind);
+        // SAFETY: timelines are among what `requirements` asks for.
+        unsafe { self.device.create_semaphore(&info, None).unwrap() }
+    }
+
+    pub fn free_timeline(&self, timeline: vk::Semaphore) {
+        // SAFETY: what waited for it is done.
+        unsafe { self.device.destroy_semaphore(timeline, None) };
+    }
+
+    /// What a timeline has come to.
+    pub fn reached(&self, timeline: vk::Semaphore) -> u64 {
+        // SAFETY: it is the device's.
+        unsafe { self.device.get_semaphore_counter_value(timeline).unwrap() }
+    }
+
+    /// Raises a timeline.
+    pub fn signal(&self, timeline: vk::Semaphore, value: u64) {
+        let info = vk::SemaphoreSignalInfo::default().semaphore(timeline).value(value);
+        // SAFETY: it is the device's, and the value more than it was.
+        unsafe { self.device.signal_semaphore(&info).unwrap() };
     }
 
     pub fn wait(&self, recording: Recording) {
