@@ -11,10 +11,13 @@ use glam::{DVec2, DVec3, Vec2, Vec3};
 use neubrdf::converge::Metrics;
 use neubrdf::gpu::{Device, DeviceChoice, Instance, Validation};
 use neubrdf::image::{Crop, Picture, plane};
-use neubrdf::render::{Checkpoint, Features, Limits, Options, Renderer, Sampler, Settings, Stopped, Traversal, run};
+use neubrdf::render::{
+    Checkpoint, Features, Limits, NeuBrdfShape, Options, Renderer, Sampler, Settings, Stopped, Traversal, pack_neubrdf,
+    run,
+};
 use neubrdf::scene::brdf::{
-    Codebook, CornerWeights, Dense, Encoding, Footprint, NeuBrdf, Provenance, SphereGrid, SphereTable, SurfaceGrid,
-    SurfaceTable,
+    Codebook, CornerWeights, Dense, Encoding, Footprint, NeuBrdf, Precision, Provenance, SphereGrid, SphereTable,
+    SurfaceFrame, SurfaceFrames, SurfaceGrid, SurfaceTable,
 };
 use neubrdf::scene::{Brdf, Environment, LightTable, SamplingLobe, Scene, Sun, Surface};
 
@@ -462,6 +465,7 @@ fn checkers(side: u32) -> NeuBrdf {
             grid,
             codebook: Arc::new(Codebook { features: 1, codes: albedos.into() }),
             indices: (0..grid.point_count() as u32).map(index).collect(),
+            frames: SurfaceFrames::default(),
         }),
         layers: vec![
             Dense { inputs: 3, outputs: 1, weights: vec![0.0, 0.0, 1.0], bias: vec![0.0] },
@@ -521,4 +525,21 @@ fn only_scenes_with_materials_that_vary_keep_footprints() {
         assert!(plans.iter().all(|plan| plan.specialization.contains(&(29, value))));
     }
     assert!(constant.lacks_of(&varies).is_some() && varies.lacks_of(&constant).is_none());
+}
+
+/// Of those that vary, only scenes with frames have kernels that turn directions into them.
+#[test]
+fn only_scenes_with_frames_turn_directions() {
+    let flat = checkers(4);
+    let mut leaning = checkers(4);
+    let surface = leaning.surface.as_mut().unwrap();
+    let frame = SurfaceFrame { normal: Vec3::new(0.6, 0.0, 0.8).as_dvec3(), ..SurfaceFrame::OWN };
+    surface.frames = SurfaceFrames::new(&vec![frame; surface.grid.point_count()]);
+    let [flat_shape, leaning_shape] = [&flat, &leaning].map(|model| NeuBrdfShape::of([model], Precision::F32));
+    assert!(flat_shape.specialization().contains(&(30, 0)) && leaning_shape.specialization().contains(&(30, 1)));
+    assert!(leaning_shape.holds(&flat) && !flat_shape.holds(&leaning));
+    // What a kernel of frames does of a model without them is what it does without.
+    let words = |model: &NeuBrdf, shape: &NeuBrdfShape| pack_neubrdf(model, shape);
+    assert_eq!(words(&flat, &flat_shape), words(&flat, &leaning_shape));
+    assert!(words(&flat, &flat_shape).len() < words(&leaning, &leaning_shape).len());
 }

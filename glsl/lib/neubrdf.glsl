@@ -163,8 +163,13 @@ vec3 neubrdf_decode(NeuBrdfHeader header, vec3 y) {
 void neubrdf_values(NeuBrdfTable table, NeuBrdfPlace place, vec3 wo, vec3 wi[NEUBRDF_DIRECTIONS], out vec3 f[NEUBRDF_DIRECTIONS]) {
     NeuBrdfHeader header = neubrdf_header(table);
     vec4 x[NEUBRDF_SLOTS];
+    float received[NEUBRDF_DIRECTIONS];
     if (NEUBRDF_SURFACE_GROUPS > 0u) {
-        neubrdf_surface_features(table, header.surface, place, x);
+        NeuBrdfFrame frame;
+        neubrdf_surface_features(table, header.surface, place, x, frame);
+        if (NEUBRDF_FRAMES) {
+            neubrdf_turn(frame, wo, wi, received);
+        }
     }
     [[unroll]] for (uint d = 0u; d < NEUBRDF_DIRECTIONS; ++d) {
         bool turns = NEUBRDF_ISOTROPIC && header.is_isotropic != 0u;
@@ -211,6 +216,9 @@ void neubrdf_values(NeuBrdfTable table, NeuBrdfPlace place, vec3 wo, vec3 wi[NEU
     }
     [[unroll]] for (uint d = 0u; d < NEUBRDF_DIRECTIONS; ++d) {
         f[d] = neubrdf_decode(header, x[d * NEUBRDF_GROUPS].xyz);
+        if (NEUBRDF_FRAMES) {
+            f[d] *= received[d];
+        }
     }
 }
 

@@ -138,6 +138,7 @@ fn describe(brdf: &NeuBrdf) -> serde_json::Value {
         serde_json::json!({
             "texels": surface.grid.size(0), "levels": surface.grid.level_count(), "features": surface.codebook.features,
             "codes": surface.codebook.code_count(), "points": surface.indices.len(),
+            "has_normals": !surface.frames.normals.is_empty(), "has_directions": !surface.frames.directions.is_empty(),
         })
     });
     serde_json::json!({

@@ -141,7 +141,7 @@ pub fn run(arguments: Arguments) -> Result<ExitCode> {
     if arguments.model == Model::Nbrdf && arguments.compare_recipes {
         bail!("--compare-recipes: NBRDFs are trained by one recipe");
     }
-    let plan = plan(&arguments, &input, is_isotropic);
+    let plan = plan(&arguments, &input, input.brdf.is_isotropic_in_frames());
     let eval = |wo: DVec3, wi: DVec3| input.brdf.eval(wo, wi);
     let mut session = Session::new(plan, &input.ground_truth(&eval))?;
     if let Some(path) = arguments.checkpoint.as_deref().filter(|_| arguments.resume) {
@@ -178,7 +178,7 @@ pub fn run(arguments: Arguments) -> Result<ExitCode> {
         let errors = comparison.errors.clone();
         recipes.push(RecipeResult { recipe: arguments.recipe, bytes: bytes.len(), seconds, errors });
         for recipe in Recipe::value_variants().iter().filter(|recipe| **recipe != arguments.recipe) {
-            let plan = recipe_plan(&arguments, &input, *recipe, is_isotropic);
+            let plan = recipe_plan(&arguments, &input, *recipe, input.brdf.is_isotropic_in_frames());
             let mut session = Session::new(plan, &input.ground_truth(&eval))?;
             let seconds = train(&mut session, None, &interrupted, arguments.quiet)?;
             let file = session.neubrdf().context("a recipe trains NeuBRDFs")?.encode(precision)?;

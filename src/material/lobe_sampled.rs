@@ -4,13 +4,13 @@
 use std::f64::consts::FRAC_1_PI;
 use std::fmt::Debug;
 
-use glam::{DVec2, DVec3, Vec2};
+use glam::{DVec3, Vec2};
 
 use super::conductor::reflection_pdf;
 use super::diffuse::sample_cosine_hemisphere;
 use super::{BsdfSample, Ggx, MIN_COSINE, both_above, reflect};
 use crate::scene::SamplingLobe;
-use crate::scene::brdf::Footprint;
+use crate::scene::brdf::{Footprint, SurfaceFrame};
 
 /// The values of a BRDF.
 pub trait Evaluate: Debug + Send + Sync {
@@ -28,13 +28,18 @@ pub trait Evaluate: Debug + Send + Sync {
         false
     }
 
-    /// About which normal, local and unit, the lobes lie at texture coordinates.
-    fn normal(&self, _uv: DVec2) -> DVec3 {
-        DVec3::Z
+    /// The frame that the lobes of a place lie in, on average over it; `None` where all places have the surface's own.
+    fn frame(&self, _footprint: Footprint) -> Option<SurfaceFrame> {
+        None
     }
 
     /// Whether the values stay as they are when both directions turn about the normal.
     fn is_isotropic(&self) -> bool;
+
+    /// The same, at points, of directions that turn about the normals of their frames.
+    fn is_isotropic_in_frames(&self) -> bool {
+        self.is_isotropic()
+    }
 }
 
 /// A BRDF and the lobes that it is sampled by, seen from the upper side.

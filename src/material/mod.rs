@@ -26,6 +26,7 @@ mod neubrdf;
 mod prepared;
 mod rgl;
 mod sparse;
+mod surface_frame;
 mod surface_maps;
 mod woven;
 

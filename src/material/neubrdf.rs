@@ -10,8 +10,23 @@ impl NeuBrdf {
         self.eval_at(Footprint::WHOLE, wo, wi)
     }
 
+    /// Whether its values stay as they are when both directions turn about the surface's own normal.
+    pub fn is_isotropic_about_z(&self) -> bool {
+        self.is_isotropic && self.surface.as_ref().is_none_or(|surface| surface.frames.is_empty())
+    }
+
     /// f(wo, wi) as seen at a place.
     pub fn eval_at(&self, footprint: Footprint, wo: DVec3, wi: DVec3) -> DVec3 {
+        let frame = self.surface.as_ref().and_then(|surface| surface.frame(footprint));
+        match frame.map(|frame| frame.turned(wo, wi)) {
+            None => self.eval_in_frame(footprint, wo, wi),
+            Some(None) => DVec3::ZERO,
+            Some(Some(([wo, wi], received))) => received * self.eval_in_frame(footprint, wo, wi),
+        }
+    }
+
+    /// What the network says of directions about the frame of the place.
+    fn eval_in_frame(&self, footprint: Footprint, wo: DVec3, wi: DVec3) -> DVec3 {
         let [wo, wi] = if self.is_isotropic { turned(wo, wi) } else { [wo, wi] };
         let directions = [wi, wo].into_iter().cycle();
         let of_direction = |(table, w)| features(table, w, self.corner_weights);

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use glam::{DVec3, Vec2};
 
 use super::{CoatAlbedo, Dielectric, Evaluate, Ggx, LayeredWalk, fit_lobe};
-use crate::scene::brdf::Footprint;
+use crate::scene::brdf::{Footprint, SurfaceFrame};
 use crate::scene::{Brdf, Fresnel, Material, SamplingLobe, Surface};
 
 /// Walks through a layered surface, a pair of directions, that its lobe is fitted to.
@@ -129,12 +129,23 @@ impl Evaluate for Brdf {
         Brdf::is_spatial(self)
     }
 
+    fn frame(&self, footprint: Footprint) -> Option<SurfaceFrame> {
+        match self {
+            Brdf::NeuBrdf(neubrdf) => neubrdf.surface.as_ref()?.frame(footprint),
+            _ => None,
+        }
+    }
+
     fn is_isotropic(&self) -> bool {
         match self {
             Brdf::Nbrdf(_) | Brdf::Merl(_) => true,
             Brdf::Rgl(rgl) => rgl.tables().is_isotropic(),
             Brdf::Sparse(sparse) => sparse.is_isotropic(),
-            Brdf::NeuBrdf(neubrdf) => neubrdf.is_isotropic,
+            Brdf::NeuBrdf(neubrdf) => neubrdf.is_isotropic_about_z(),
         }
+    }
+
+    fn is_isotropic_in_frames(&self) -> bool {
+        if let Brdf::NeuBrdf(neubrdf) = self { neubrdf.is_isotropic } else { self.is_isotropic() }
     }
 }

@@ -1,22 +1,23 @@
 //! Surfaces whose parameters textures give, evaluated by definition.
 //!
-//! At a place the surface is what the maps say there, about the mapped normal n′. What it reflects of a light is what it receives, cos θ′i about
-//! n′, and the renderer multiplies by cos θi about the surface's own normal: so f = f′(ωo′, ωi′) max(0, cos θ′i) / max(cos θi, 0.1), where the
-//! bound keeps grazing light from being seen infinitely bright by facets that lean towards it. It never reflects more than f′ does.
+//! At a place the surface is what the maps say there, about the mapped normal n′ and with its tangent along the mapped direction. What it
+//! reflects of a light is what it receives, cos θ′i about n′, and the renderer multiplies by cos θi about the surface's own normal: so
+//! f = f′(ωo′, ωi′) r(ωi), with r of [`SurfaceFrame::received`]; nothing where a direction is below the frame. It never reflects more than f′ does.
 
 use glam::{DVec2, DVec3, Vec2};
+use half::f16;
 use rayon::prelude::*;
 
 use super::{Bsdf, CoatAlbedo, Coated, Evaluate, Ggx, Prepared, color};
-use crate::scene::brdf::Footprint;
+use crate::scene::brdf::{Footprint, SurfaceFrame};
 use crate::scene::{Surface, SurfaceMaps, Texture};
 
-/// Lowest cos θi that is divided by.
-const LEAST_COSINE: f64 = 0.1;
 /// Smoother surfaces are taken to have this α: nothing could be learned of a mirror.
 const LEAST_ALPHA: f32 = 0.02;
 /// Coats whose albedo is known, even in their roughness; a place takes the nearest.
 const COATS: usize = 33;
+/// Lowest z of a mapped normal before it is made a unit vector.
+const LEAST_Z: f64 = 0.05;
 /// Points that the average over a footprint is taken over.
 const AVERAGED: u32 = 64;
 
@@ -25,6 +26,8 @@ const AVERAGED: u32 = 64;
 pub struct VaryingSurface {
     maps: SurfaceMaps,
     coats: Vec<CoatAlbedo>,
+    /// Of the directions of anisotropy ψ, cos 2ψ and sin 2ψ: these can be interpolated.
+    doubled: Option<Texture>,
 }
 
 impl VaryingSurface {
@@ -42,7 +45,11 @@ impl VaryingSurface {
             (Surface::Coated { alpha, .. }, None) => vec![coat(alpha.max(LEAST_ALPHA))],
             _ => Vec::new(),
         };
-        VaryingSurface { maps, coats }
+        let doubled = maps
+            .direction
+            .as_ref()
+            .map(|map| Texture { texels: map.texels.iter().map(doubled).collect(), ..map.clone() });
+        VaryingSurface { maps, coats, doubled }
     }
 
     /// Texels across and down of its largest map.
@@ -53,11 +60,8 @@ impl VaryingSurface {
 
     /// f(wo, wi) at a point.
     fn point(&self, uv: DVec2, wo: DVec3, wi: DVec3) -> DVec3 {
-        let normal = self.normal(uv);
-        let tangent = (DVec3::X - normal * normal.x).normalize();
-        let bitangent = normal.cross(tangent);
-        let local = |w: DVec3| DVec3::new(w.dot(tangent), w.dot(bitangent), w.dot(normal));
-        let (wo, leaning) = (local(wo), local(wi));
+        let frame = self.frame_at(uv);
+        let Some(([wo, leaning], received)) = frame.turned(wo, wi) else { return DVec3::ZERO };
         let sample = |map: &Texture| map.sample(uv.as_vec2());
         let tint = self.maps.color.as_ref().map_or(DVec3::ONE, |map| sample(map).as_dvec3());
         let color = color(&self.maps.surface).value.as_dvec3() * tint;
@@ -76,9 +80,39 @@ impl VaryingSurface {
             }
             _ => Bsdf::new(&Prepared::Diffuse, color).eval(wo, leaning),
         };
-        let received = if self.maps.normal.is_some() { leaning.z.max(0.0) / wi.z.max(LEAST_COSINE) } else { 1.0 };
         value * received
     }
+
+    /// The frame at a point.
+    fn frame_at(&self, uv: DVec2) -> SurfaceFrame {
+        let sample = |map: &Texture| map.sample(uv.as_vec2()).as_dvec3();
+        let normal = self.maps.normal.as_ref().map(|map| {
+            let n = 2.0 * sample(map) - 1.0;
+            // What a map has below the surface leans as far as can be.
+            n.with_z(n.z.max(LEAST_Z)).normalize()
+        });
+        let doubled = self.doubled.as_ref().map(|map| sample(map).truncate());
+        let frame = SurfaceFrame { normal: normal.unwrap_or(DVec3::Z), doubled: doubled.unwrap_or(DVec2::X) };
+        // Between texels directions are shorter than 1.
+        SurfaceFrame::average(std::iter::once((1.0, frame)))
+    }
+}
+
+/// A texel (d + 1) / 2 as the cosine and sine of twice the angle of d; that of u where there is no direction.
+fn doubled([red, green, ..]: &[f16; 4]) -> [f16; 4] {
+    let d = 2.0 * Vec2::new(red.to_f32(), green.to_f32()) - 1.0;
+    let squared = d.length_squared();
+    let doubled = Vec2::new(d.x * d.x - d.y * d.y, 2.0 * d.x * d.y) / squared;
+    let doubled = if squared < 0.01 { Vec2::X } else { doubled };
+    [doubled.x, doubled.y, 0.0, 1.0].map(f16::from_f32)
+}
+
+/// Points that fill a square about a place: the place alone where the square is a point.
+fn points(center: DVec2, extent: f64) -> impl ExactSizeIterator<Item = DVec2> {
+    // A Kronecker sequence (Roberts 2018).
+    let step = DVec2::new(0.754_877_666_246_692_7, 0.569_840_290_998_053_2);
+    (0..if extent == 0.0 { 1 } else { AVERAGED })
+        .map(move |i| center + ((0.5 + f64::from(i) * step).fract() - 0.5) * extent)
 }
 
 impl Evaluate for VaryingSurface {
@@ -88,33 +122,31 @@ impl Evaluate for VaryingSurface {
 
     /// The average over a square about the place.
     fn eval_at(&self, footprint: Footprint, wo: DVec3, wi: DVec3) -> DVec3 {
-        let extent = footprint.area.min(1.0).sqrt();
-        if extent == 0.0 {
-            return self.point(footprint.uv, wo, wi);
-        }
-        // A Kronecker sequence (Roberts 2018).
-        let step = DVec2::new(0.754_877_666_246_692_7, 0.569_840_290_998_053_2);
-        let point = |i: u32| footprint.uv + ((0.5 + f64::from(i) * step).fract() - 0.5) * extent;
-        (0..AVERAGED).map(|i| self.point(point(i), wo, wi)).sum::<DVec3>() / f64::from(AVERAGED)
+        let points = points(footprint.uv, footprint.area.min(1.0).sqrt());
+        let count = points.len() as f64;
+        points.map(|uv| self.point(uv, wo, wi)).sum::<DVec3>() / count
+    }
+
+    /// Of the maps that give one; a look-up of these has averaged a texel's worth already.
+    fn frame(&self, footprint: Footprint) -> Option<SurfaceFrame> {
+        let largest = self.maps.frames().map(|map| map.width * map.height).max()?;
+        let extent = (footprint.area.min(1.0) - 1.0 / f64::from(largest)).max(0.0).sqrt();
+        Some(SurfaceFrame::average(points(footprint.uv, extent).map(|uv| (1.0, self.frame_at(uv)))))
     }
 
     fn is_spatial(&self) -> bool {
         true
     }
 
-    /// The mapped one.
-    fn normal(&self, uv: DVec2) -> DVec3 {
-        let mapped = self.maps.normal.as_ref().map(|map| (2.0 * map.sample(uv.as_vec2()) - 1.0).as_dvec3());
-        // What a map has below the surface leans as far as can be.
-        mapped.map_or(DVec3::Z, |n| n.with_z(n.z.max(0.05)).normalize())
+    fn is_isotropic(&self) -> bool {
+        self.is_isotropic_in_frames() && self.maps.normal.is_none()
     }
 
-    fn is_isotropic(&self) -> bool {
-        let is_round = match (&self.maps.surface, &self.maps.roughness) {
+    fn is_isotropic_in_frames(&self) -> bool {
+        match (&self.maps.surface, &self.maps.roughness) {
             (Surface::Conductor { .. }, Some(map)) => map.texels.iter().all(|[red, green, ..]| red == green),
             (Surface::Conductor { alpha, .. }, None) => alpha.x == alpha.y,
             _ => true,
-        };
-        is_round && self.maps.normal.is_none()
+        }
     }
 }

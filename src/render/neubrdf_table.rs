@@ -11,7 +11,9 @@ use super::brdf_table;
 use super::kernels::Features;
 use crate::gpu::Device;
 use crate::scene::Brdf;
-use crate::scene::brdf::{Codebook, CornerWeights, Dense, NO_CODE, NeuBrdf, Precision, SphereTable, SurfaceTable};
+use crate::scene::brdf::{
+    Codebook, CornerWeights, Dense, NO_CODE, NeuBrdf, Precision, SphereTable, SurfaceFrames, SurfaceTable,
+};
 
 crate::shared_structs! {
     /// The structs of `glsl/layout/neubrdf.glsl` and `glsl/layout/evaluation.glsl`.
@@ -82,6 +84,8 @@ pub struct NeuBrdfShape {
     resolutions: u32,
     /// Groups of four features of a place; 0 where no model varies.
     surface_groups: u32,
+    /// Whether places of some model have frames.
+    has_frames: bool,
     /// Groups of four neurons of each layer but the last.
     hidden_groups: u32,
     layers: u32,
@@ -100,6 +104,7 @@ impl NeuBrdfShape {
             feature_groups: 1,
             resolutions: 1,
             surface_groups: 0,
+            has_frames: false,
             hidden_groups: 1,
             layers: 2,
             precision,
@@ -113,6 +118,7 @@ impl NeuBrdfShape {
                 feature_groups: features.fold(shape.feature_groups, u32::max),
                 resolutions: shape.resolutions.max(model.coarser.len() as u32 + 1),
                 surface_groups: shape.surface_groups.max(surface_features(model).div_ceil(4)),
+                has_frames: shape.has_frames || has_frames(model),
                 hidden_groups: hidden.fold(shape.hidden_groups, u32::max),
                 layers: shape.layers.max(model.layers.len() as u32),
                 precision,
@@ -128,6 +134,7 @@ impl NeuBrdfShape {
         one.feature_groups <= self.feature_groups
             && one.resolutions <= self.resolutions
             && one.surface_groups <= self.surface_groups
+            && one.has_frames <= self.has_frames
             && one.hidden_groups <= self.hidden_groups
             && one.layers <= self.layers
             && one.is_isotropic <= self.is_isotropic
@@ -146,7 +153,7 @@ impl NeuBrdfShape {
     }
 
     /// The specialization constants of `glsl/layout/neubrdf.glsl`.
-    pub fn specialization(&self) -> [(u32, u32); 8] {
+    pub fn specialization(&self) -> [(u32, u32); 9] {
         [
             (20, self.feature_groups),
             (21, self.hidden_groups),
@@ -155,6 +162,7 @@ impl NeuBrdfShape {
             (24, u32::from(self.is_isotropic)),
             (25, self.lanes),
             (28, self.surface_groups),
+            (30, u32::from(self.has_frames)),
             (31, self.resolutions),
         ]
     }
@@ -163,6 +171,11 @@ impl NeuBrdfShape {
 /// Features of a place; 0 where the model does not vary.
 fn surface_features(model: &NeuBrdf) -> u32 {
     model.surface.as_ref().map_or(0, |surface| surface.codebook.features)
+}
+
+/// Whether its places have frames.
+fn has_frames(model: &NeuBrdf) -> bool {
+    model.surface.as_ref().is_some_and(|surface| !surface.frames.is_empty())
 }
 
 /// The NeuBRDFs among the BRDFs of a scene.
@@ -340,16 +353,31 @@ fn push_indices(words: &mut Vec<u32>, indices: &[u16]) -> u32 {
 
 /// As `glsl/lib/neubrdf_surface.glsl` reads it.
 fn push_surface(words: &mut Vec<u32>, table: &SurfaceTable, shape: &NeuBrdfShape) -> u32 {
-    let SurfaceTable { grid, codebook, indices } = table;
+    let SurfaceTable { grid, codebook, indices, frames } = table;
     let codes = push(words, &numbers(&filled_codes(codebook, shape.surface_groups), shape.precision));
     let indices = push_indices(words, indices);
+    let frames = push_frames(words, frames, grid.point_count());
     let [width, height] = grid.size(0);
-    let mut record = vec![width, height, grid.level_count(), codes, indices, 0, 0, 0];
+    let mut record = vec![width, height, grid.level_count(), codes, indices, frames, 0, 0];
     for level in 0..grid.level_count() {
         let [width, height] = grid.size(level);
         record.extend([width, height, grid.first_point(level), 0]);
     }
     push(words, &record)
+}
+
+/// Appends two words a texel, its normal's and its direction's, and returns where they begin; 0 where there are none.
+fn push_frames(words: &mut Vec<u32>, frames: &SurfaceFrames, points: usize) -> u32 {
+    if frames.is_empty() {
+        return 0;
+    }
+    let word = |[low, high]: [i16; 2]| u32::from(low as u16) | u32::from(high as u16) << 16;
+    let frame = |point: usize| {
+        let normal = frames.normals.get(point).copied().unwrap_or_default();
+        let direction = frames.directions.get(point).copied().unwrap_or([SurfaceFrames::ONE, 0]);
+        [normal, direction].map(word)
+    };
+    push(words, (0..points).map(frame).collect::<Vec<_>>().as_flattened())
 }
 
 fn push_sphere(words: &mut Vec<u32>, table: &SphereTable, codes: Option<&[u32]>) -> SphereTableRecord {

@@ -313,7 +313,7 @@ fn override_material(name: &str, value: &Value, file: &Path, library: &mut Libra
 }
 
 /// Keys of maps that `neubrdf train` reads and nothing else: [`super::SurfaceMaps`].
-pub(super) const MAPS: [&str; 2] = ["roughness_map", "normal_map"];
+pub(super) const MAPS: [&str; 3] = ["roughness_map", "normal_map", "anisotropy_direction_map"];
 /// What is expected where such a key stands elsewhere.
 pub(super) const MAPS_ARE_LEARNED: &str =
     "a .neubrdf that was trained on the map: `neubrdf train` makes one of a file of this material alone";

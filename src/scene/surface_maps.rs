@@ -21,6 +21,8 @@ pub struct SurfaceMaps {
     pub roughness: Option<Texture>,
     /// Its normal n, z up, x along u and y along v, as (n + 1) / 2.
     pub normal: Option<Texture>,
+    /// The direction d about the normal that the first roughness is along, x along u and y along v, as (d + 1) / 2. −d is the same.
+    pub direction: Option<Texture>,
 }
 
 impl SurfaceMaps {
@@ -34,8 +36,8 @@ impl SurfaceMaps {
         let source = Source { file: path, text: &text };
         let entries = source.parse()?;
         let table = Table::root(source, &entries);
-        let [color, roughness, normal] = ["texture", MAPS[0], MAPS[1]].map(|key| table.get(key));
-        if color.is_none() && roughness.is_none() && normal.is_none() {
+        let [color, roughness, normal, direction] = ["texture", MAPS[0], MAPS[1], MAPS[2]].map(|key| table.get(key));
+        if [&color, &roughness, &normal, &direction].into_iter().all(Option::is_none) {
             return Ok(None);
         }
         for key in ["emission", "emits_both_sides"] {
@@ -53,6 +55,9 @@ impl SurfaceMaps {
         if let Some(value) = roughness.as_ref().filter(|_| !is_rough || table.has("alpha") || table.has("roughness")) {
             return Err(value.error("no map of roughness on a diffuse surface, or beside `alpha` or `roughness`"));
         }
+        if let Some(value) = direction.as_ref().filter(|_| !matches!(surface, Surface::Conductor { .. })) {
+            return Err(value.error("no map of anisotropy but on a conductor"));
+        }
         let mut warnings = Vec::new();
         let mut read = |value: Option<Value>, is_color: bool| {
             let read = |value: Value| {
@@ -69,13 +74,19 @@ impl SurfaceMaps {
             color: read(color, true)?,
             roughness: read(roughness, false)?,
             normal: read(normal, false)?,
+            direction: read(direction, false)?,
         };
         Ok(Some((maps, warnings)))
     }
 
     /// Its maps.
     pub fn textures(&self) -> impl Iterator<Item = &Texture> {
-        [&self.color, &self.roughness, &self.normal].into_iter().flatten()
+        [&self.color, &self.roughness].into_iter().flatten().chain(self.frames())
+    }
+
+    /// Those of them that say how the surface lies.
+    pub fn frames(&self) -> impl Iterator<Item = &Texture> {
+        [&self.normal, &self.direction].into_iter().flatten()
     }
 }
 

@@ -9,7 +9,9 @@ use super::network::{Network, Shard};
 use super::product::padded;
 use super::result::network_of;
 use super::session::half_difference;
-use crate::scene::brdf::{Codebook, CornerWeights, Encoding, Footprint, NO_CODE, NeuBrdf, SphereTable, SurfaceGrid};
+use crate::scene::brdf::{
+    Codebook, CornerWeights, Encoding, Footprint, NO_CODE, NeuBrdf, SphereTable, SurfaceFrames, SurfaceGrid,
+};
 
 /// A NeuBRDF or an NBRDF, ready to be evaluated.
 pub struct Evaluator {
@@ -21,7 +23,7 @@ pub struct Evaluator {
 
 struct Features {
     tables: Vec<SphereTable>,
-    texels: Option<SurfaceGrid>,
+    texels: Option<(SurfaceGrid, SurfaceFrames)>,
     /// F, and points × F, of each table.
     rows: Vec<(usize, Vec<f32>)>,
     corner_weights: CornerWeights,
@@ -49,7 +51,7 @@ impl Evaluator {
         let features = Some(Features {
             rows: tables.iter().map(of_sphere).chain(of_surface).collect(),
             tables,
-            texels: brdf.surface.as_ref().map(|table| table.grid),
+            texels: brdf.surface.as_ref().map(|table| (table.grid, table.frames.clone())),
             corner_weights: brdf.corner_weights,
             encoding: brdf.encoding,
         });
@@ -63,33 +65,46 @@ impl Evaluator {
 
     /// The BRDF in sr⁻¹, RGB, at each (ωo, ωi), which are above the surface; of a material that varies, its average.
     pub fn eval(&self, pairs: &[[DVec3; 2]]) -> Vec<DVec3> {
-        self.values(pairs, |[wo, wi], row| self.inputs(Footprint::WHOLE, *wo, *wi, row))
+        self.values(pairs, |[wo, wi]| Query { footprint: Footprint::WHOLE, wo: *wo, wi: *wi })
     }
 
     /// The same as seen at places.
     pub fn eval_at(&self, queries: &[Query]) -> Vec<DVec3> {
-        self.values(queries, |query, row| self.inputs(query.footprint, query.wo, query.wi, row))
+        self.values(queries, |query| *query)
     }
 
-    fn values<T: Sync>(&self, queries: &[T], inputs: impl Fn(&T, &mut [f32]) + Sync) -> Vec<DVec3> {
+    fn values<T: Sync>(&self, queries: &[T], query: impl Fn(&T) -> Query + Sync) -> Vec<DVec3> {
         let mut values = vec![DVec3::ZERO; queries.len()];
         values.par_chunks_mut(ROWS).zip(queries.par_chunks(ROWS)).for_each(|(values, queries)| {
+            let (queries, received): (Vec<Query>, Vec<f64>) =
+                queries.iter().map(&query).map(|query| self.turned(query)).unzip();
             let mut shard = Shard::new(&self.network, queries.len());
             let stride = padded(shard.width());
-            for (row, query) in shard.inputs().chunks_exact_mut(stride).zip(queries) {
-                inputs(query, row);
+            for (row, query) in shard.inputs().chunks_exact_mut(stride).zip(&queries) {
+                self.inputs(query, row);
             }
             self.network.forward(&mut shard);
             let (outputs, _) = shard.outputs();
-            for (value, output) in values.iter_mut().zip(outputs.chunks_exact(padded(3))) {
+            for ((value, output), received) in values.iter_mut().zip(outputs.chunks_exact(padded(3))).zip(received) {
                 *value = DVec3::from_slice(&output[..3].iter().map(|y| f64::from(*y)).collect::<Vec<_>>());
-                *value = self.decode(*value);
+                *value = received * self.decode(*value);
             }
         });
         values
     }
 
-    fn inputs(&self, footprint: Footprint, wo: DVec3, wi: DVec3, row: &mut [f32]) {
+    /// A query about the frame of its place, and what that receives of its light.
+    fn turned(&self, query: Query) -> (Query, f64) {
+        let texels = self.features.as_ref().and_then(|features| features.texels.as_ref());
+        let frame = texels.and_then(|(grid, frames)| frames.look_up(grid, query.footprint));
+        match frame.map(|frame| frame.turned(query.wo, query.wi)) {
+            None => (query, 1.0),
+            Some(None) => (query, 0.0),
+            Some(Some(([wo, wi], received))) => (Query { wo, wi, ..query }, received),
+        }
+    }
+
+    fn inputs(&self, &Query { footprint, wo, wi }: &Query, row: &mut [f32]) {
         match &self.features {
             None => row[..6].copy_from_slice(&half_difference(wo, wi, self.is_isotropic)),
             Some(Features { tables, texels, rows, corner_weights, .. }) => {
@@ -97,7 +112,7 @@ impl Evaluator {
                 let views: Vec<Rows> = rows.iter().map(|(features, rows)| Rows { features: *features, rows }).collect();
                 let of_direction = |(table, w)| Corners::of(table, w, *corner_weights);
                 let corners: Vec<Corners> = tables.iter().zip(frame.into_iter().cycle()).map(of_direction).collect();
-                let texels = texels.map(|grid| Texels::of(&grid, footprint));
+                let texels = texels.as_ref().map(|(grid, _)| Texels::of(grid, footprint));
                 gather_features(&views, &corners, texels.as_ref(), row);
             }
         }

@@ -7,7 +7,7 @@ use rayon::prelude::*;
 
 use super::random::Random;
 use crate::material::Evaluate;
-use crate::scene::brdf::{Footprint, SurfaceGrid};
+use crate::scene::brdf::{Footprint, SurfaceFrame, SurfaceFrames, SurfaceGrid};
 
 /// What is learned.
 pub enum GroundTruth<'a> {
@@ -20,7 +20,7 @@ pub enum GroundTruth<'a> {
     },
     /// A BRDF that varies over a texture and is known everywhere.
     Surface {
-        /// Its values at points, and the normals that its lobes lie about.
+        /// Its values at points, and the frames that its lobes lie in.
         brdf: &'a dyn Evaluate,
     },
     /// Measurements at some pairs of directions, and of places where the material varies.
@@ -33,12 +33,19 @@ pub enum GroundTruth<'a> {
 }
 
 impl GroundTruth<'_> {
-    /// Whether only the difference of the azimuths matters, and not its sign.
+    /// Whether only the difference of the azimuths matters, and not its sign, about the frames where there are some.
     pub fn is_isotropic(&self) -> bool {
         match self {
             GroundTruth::Function { is_isotropic, .. } | GroundTruth::Samples { is_isotropic, .. } => *is_isotropic,
-            GroundTruth::Surface { brdf } => brdf.is_isotropic(),
+            GroundTruth::Surface { brdf } => brdf.is_isotropic_in_frames(),
         }
+    }
+
+    /// The frames of texels: those of the function, where it has some.
+    pub fn frames(&self, grid: SurfaceGrid) -> SurfaceFrames {
+        let GroundTruth::Surface { brdf } = self else { return SurfaceFrames::default() };
+        let frames: Option<Vec<SurfaceFrame>> = grid.texels().map(|texel| brdf.frame(texel)).collect();
+        frames.map_or_else(SurfaceFrames::default, |frames| SurfaceFrames::new(&frames))
     }
 
     /// The measurements, or values of the function at `count` pairs that are drawn to crowd where lobes are. Over these texels, where the
@@ -62,7 +69,8 @@ impl GroundTruth<'_> {
                 let grid = grid.unwrap_or_default();
                 drawn(&|random| {
                     let place = Place::draw(&grid, random);
-                    let (wo, wi) = draw_about(brdf.normal(place.uv), random);
+                    let frame = brdf.frame(Footprint::point(place.uv)).unwrap_or(SurfaceFrame::OWN);
+                    let (wo, wi) = draw_about(frame.normal, random);
                     let value = place.average(&grid, random, &|uv| brdf.eval_at(Footprint::point(uv), wo, wi));
                     let (uv, area) = (place.uv.as_vec2(), place.area(&grid) as f32);
                     Pair { wo: wo.as_vec3(), wi: wi.as_vec3(), value: value.as_vec3(), uv, area }
@@ -117,6 +125,22 @@ impl Place {
         let point = |i: u32| self.uv + ((shift + f64::from(i) * step).fract() - 0.5) * extent;
         (0..count).map(|i| function(point(i))).sum::<DVec3>() / f64::from(count)
     }
+}
+
+/// Pairs as a network learns them that sees directions about the frames of texels: without what these receive of the light. Those below their
+/// frames, where nothing is reflected whatever the network says, are left out.
+pub(super) fn about_frames(pairs: Vec<Pair>, grid: &SurfaceGrid, frames: &SurfaceFrames) -> Vec<Pair> {
+    if frames.is_empty() {
+        return pairs;
+    }
+    let turned = |pair: Pair| {
+        let footprint = Footprint { uv: pair.uv.as_dvec2(), area: pair.area.into() };
+        let ([wo, wi], received) = frames.look_up(grid, footprint)?.turned(pair.wo.as_dvec3(), pair.wi.as_dvec3())?;
+        let is_above = wo.z > LOWEST && wi.z > LOWEST;
+        let value = (pair.value.as_dvec3() / received).as_vec3();
+        is_above.then(|| Pair { wo: wo.as_vec3(), wi: wi.as_vec3(), value, ..pair })
+    };
+    pairs.into_par_iter().filter_map(turned).collect()
 }
 
 /// As [`draw`], about another normal.

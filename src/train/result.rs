@@ -4,7 +4,9 @@ use std::sync::Arc;
 
 use super::network::Network;
 use super::table::Table;
-use crate::scene::brdf::{Codebook, Dense, NO_CODE, Nbrdf, SphereGrid, SphereTable, SurfaceGrid, SurfaceTable};
+use crate::scene::brdf::{
+    Codebook, Dense, NO_CODE, Nbrdf, SphereGrid, SphereTable, SurfaceFrames, SurfaceGrid, SurfaceTable,
+};
 
 /// The layers as files hold them.
 pub fn layers(network: &Network) -> Vec<Dense> {
@@ -77,8 +79,8 @@ pub fn sphere_tables(trained: &[TrainedPoints]) -> Vec<SphereTable> {
     tables.into_iter().map(|table| SphereTable { codebook: codebook.clone(), ..table }).collect()
 }
 
-/// A table of texels as files hold it. Codes that no texel names, of a codebook smaller than the number of texels, stay.
-pub fn surface_table(table: &Table, grid: SurfaceGrid) -> SurfaceTable {
+/// A table of texels with these frames as files hold it. Codes that no texel names, of a codebook smaller than the number of texels, stay.
+pub fn surface_table(table: &Table, grid: SurfaceGrid, frames: SurfaceFrames) -> SurfaceTable {
     // Features of texels' own may be more than files can number, before they are given codes.
     let codes = (table.codes.len() / table.features).min(usize::from(NO_CODE) - 1);
     SurfaceTable {
@@ -88,6 +90,7 @@ pub fn surface_table(table: &Table, grid: SurfaceGrid) -> SurfaceTable {
             codes: table.codes[..codes * table.features].to_vec(),
         }),
         indices: table.indices.iter().map(|index| (*index as usize).min(codes - 1) as u16).collect(),
+        frames,
     }
 }
 

@@ -7,7 +7,7 @@ use rayon::prelude::*;
 
 use super::gather::{Corners, in_frame};
 use super::network::Network;
-use super::pairs::{GroundTruth, Pair};
+use super::pairs::{GroundTruth, Pair, about_frames};
 use super::plan::{Model, Plan, Recipe};
 use super::prune::prune_neurons;
 use super::random::Random;
@@ -16,7 +16,7 @@ use super::table::{Quantiser, Table};
 use super::trainer::{Head, Inputs, Loss, Places, Pool, Rates, Trainer, Weighs};
 use super::{Error, Evaluator};
 use crate::material::fit_lobe;
-use crate::scene::brdf::{Encoding, Nbrdf, NeuBrdf, Provenance, SphereGrid, SphereTable, SurfaceGrid};
+use crate::scene::brdf::{Encoding, Nbrdf, NeuBrdf, Provenance, SphereGrid, SphereTable, SurfaceFrames, SurfaceGrid};
 use crate::scene::{HalfDifference, SamplingLobe};
 
 /// Share of the steps after which points are given codes: the features have settled, and the rest of the steps fits codes.
@@ -55,6 +55,8 @@ pub struct Session {
     /// The grids of ωi and ωo by turns, the finest first.
     pub(super) hemispheres: Vec<Hemisphere>,
     texels: Option<SurfaceGrid>,
+    /// Of the texels.
+    frames: SurfaceFrames,
     pub(super) loss: f64,
     /// Where winding down began and where it ends, in steps.
     end: Option<[u32; 2]>,
@@ -77,7 +79,9 @@ impl Session {
     pub fn new(plan: Plan, truth: &GroundTruth) -> Result<Session, Error> {
         plan.validate()?;
         let (grids, texels) = (plan.grids()?, plan.surface_grid()?);
+        let frames = texels.map_or_else(SurfaceFrames::default, |grid| truth.frames(grid));
         let pairs = truth.pairs(plan.pairs, plan.seed, texels);
+        let pairs = about_frames(pairs, &texels.unwrap_or_default(), &frames);
         let is_isotropic = truth.is_isotropic();
         let encoding = encoding(&pairs).ok_or(Error::Empty)?;
         // Shards take whole blocks: few samples are taken several times over.
@@ -102,7 +106,7 @@ impl Session {
         };
         let (network, tables, head) = start(&plan, &hemispheres, texels, encoding);
         let trainer = Trainer::new(network, tables, head, pool, plan.seed);
-        Ok(Session { plan, trainer, is_isotropic, encoding, hemispheres, texels, loss: f64::NAN, end: None })
+        Ok(Session { plan, trainer, is_isotropic, encoding, hemispheres, texels, frames, loss: f64::NAN, end: None })
     }
 
     /// Whether all steps are done.
@@ -275,7 +279,7 @@ impl Session {
             wi,
             wo,
             coarser: std::iter::from_fn(pair).collect(),
-            surface: places.map(|(table, grid)| surface_table(table, grid)),
+            surface: places.map(|(table, grid)| surface_table(table, grid, self.frames.clone())),
             layers: layers(&self.trainer.network),
             encoding: self.encoding,
             lobe: SamplingLobe::COSINE,
@@ -299,7 +303,7 @@ impl Session {
 
 /// A NeuBRDF with the lobe that samples it.
 pub(super) fn sampled(mut brdf: NeuBrdf) -> NeuBrdf {
-    brdf.lobe = fit_lobe(brdf.is_isotropic, &|wo, wi| brdf.eval(wo, wi));
+    brdf.lobe = fit_lobe(brdf.is_isotropic_about_z(), &|wo, wi| brdf.eval(wo, wi));
     brdf
 }
 

@@ -38,5 +38,6 @@ pub fn tiles(side: u32, bumps: f32) -> SurfaceMaps {
         color: Some(color),
         roughness: Some(roughness),
         normal,
+        direction: None,
     }
 }

@@ -1,8 +1,8 @@
 //! How far values of a device are from a NeuBRDF's definition.
 //!
 //! What a network computes is x = ln(1 + gain · f). Values agree when it does to 10⁻⁴: f to a relative 10⁻⁴ where it is not
-//! small, and to 10⁻⁴ / gain where it is. Quarters of corners, and pixels of different size beside one another, make steps; next to
-//! one the device may be on its other side: there the value has to agree with that of a direction 10⁻⁶ away. Everywhere else
+//! small, and to 10⁻⁴ / gain where it is. Quarters of corners, pixels of different size beside one another, and the horizons of frames make
+//! steps; next to one the device may be on its other side: there the value has to agree with that of a direction 10⁻⁶ away. Everywhere else
 //! the device is not excused from anything.
 
 use glam::{DVec3, Vec3};
@@ -55,9 +55,10 @@ pub fn compare(brdf: &NeuBrdf, footprint: Footprint, wo: [f32; 3], wi: [f32; 3],
             ];
             shifts.map(|(s, t)| w + REACH * (s * x + t * y)).map(|w| DVec3::new(w.x, w.y, w.z.max(1e-6)))
         };
-        // Of isotropic models, steps in what directions are turned to.
-        let [wo, wi] = if brdf.is_isotropic { turned(inputs[0], inputs[1]) } else { inputs };
-        let as_turned = NeuBrdf { is_isotropic: false, ..brdf.clone() };
+        // Of isotropic models, steps in what directions are turned to. Of those with frames, at the horizons of these.
+        let turns = brdf.is_isotropic_about_z();
+        let [wo, wi] = if turns { turned(inputs[0], inputs[1]) } else { inputs };
+        let as_turned = NeuBrdf { is_isotropic: brdf.is_isotropic && !turns, ..brdf.clone() };
         let difference = |wo, wi| (encoded(as_turned.eval_at(footprint, wo, wi)) - found).abs().max_element();
         let nearby = places(wo).into_iter().flat_map(|wo| places(wi).map(|wi| difference(wo, wi)));
         deviation.worst = nearby.fold(deviation.worst, f64::min);

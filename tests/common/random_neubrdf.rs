@@ -2,10 +2,10 @@
 
 use std::sync::Arc;
 
-use glam::DVec3;
+use glam::{DVec2, DVec3};
 use neubrdf::scene::brdf::{
     Codebook, CornerWeights, Dense, Encoding, NeuBrdf, NeuBrdfPack, Provenance, SamplingLobe, SphereGrid, SphereTable,
-    SurfaceGrid, SurfaceTable,
+    SurfaceFrame, SurfaceFrames, SurfaceGrid, SurfaceTable,
 };
 
 /// A stream of uniform numbers.
@@ -52,6 +52,8 @@ pub struct Shape {
     pub is_pruned: bool,
     /// Texels across and down, and their features.
     pub surface: Option<([u32; 2], u32)>,
+    /// Whether texels have frames.
+    pub has_frames: bool,
 }
 
 impl Shape {
@@ -66,6 +68,7 @@ impl Shape {
         hidden: &[64, 64, 64],
         is_pruned: false,
         surface: None,
+        has_frames: false,
     };
 }
 
@@ -118,6 +121,7 @@ pub fn random_neubrdf(shape: Shape, seed: u64) -> NeuBrdf {
             grid,
             codebook: Arc::new(Codebook { features, codes: codes_of(codes * features as usize, &mut random) }),
             indices: (0..grid.point_count()).map(|_| random.below(codes) as u16).collect(),
+            frames: if shape.has_frames { random_frames(grid, &mut random) } else { SurfaceFrames::default() },
         }
     });
     let mut inputs = 2 * shape.resolutions * shape.features + shape.surface.map_or(0, |(_, features)| features);
@@ -141,6 +145,16 @@ pub fn random_neubrdf(shape: Shape, seed: u64) -> NeuBrdf {
         lobe: SamplingLobe { alpha: [[0.1, 0.2], [0.5, 0.4]], weight: [[0.3, 0.2]; SamplingLobe::NODES] },
         provenance: Provenance { source: "random numbers".into(), ..Provenance::default() },
     }
+}
+
+/// Frames that lean up to 60° and turn as they like.
+fn random_frames(grid: SurfaceGrid, random: &mut Stream) -> SurfaceFrames {
+    let mut frame = || {
+        let (lean, towards, psi) = (1.05 * random.unit(), 7.0 * random.unit(), 7.0 * random.unit());
+        let normal = DVec3::new(lean.sin() * towards.cos(), lean.sin() * towards.sin(), lean.cos());
+        SurfaceFrame { normal, doubled: DVec2::from_angle(2.0 * psi) }
+    };
+    SurfaceFrames::new(&(0..grid.point_count()).map(|_| frame()).collect::<Vec<_>>())
 }
 
 /// Models of a shape that share their codebooks, `m0`, `m1` …, and where `shares_network` their layers as well.

@@ -14,7 +14,7 @@ use neubrdf::material::turned;
 use neubrdf::scene::Scene;
 use neubrdf::scene::brdf::{
     Codebook, CornerWeights, Flaw, Footprint, NO_CODE, NeuBrdf, Precision, Provenance, SphereGrid, SphereTable,
-    SurfaceGrid, SurfaceTable,
+    SurfaceFrame, SurfaceFrames, SurfaceGrid, SurfaceTable,
 };
 use proptest::prelude::*;
 
@@ -29,6 +29,7 @@ const SMALL: Shape = Shape {
     hidden: &[4, 5],
     is_pruned: true,
     surface: None,
+    has_frames: false,
 };
 
 /// The same over a texture.
@@ -36,6 +37,9 @@ const VARYING: Shape = Shape { surface: Some(([3, 2], 5)), ..SMALL };
 
 /// The same, and on two coarser grids.
 const RESOLUTIONS: Shape = Shape { resolutions: 3, ..VARYING };
+
+/// The same with frames.
+const LEANING: Shape = Shape { has_frames: true, ..VARYING };
 
 /// Codes that can be changed.
 fn codes(table: &mut SphereTable) -> &mut Vec<f32> {
@@ -48,6 +52,7 @@ fn shapes() -> Vec<Shape> {
         SMALL,
         VARYING,
         RESOLUTIONS,
+        LEANING,
         full,
         Shape { is_isotropic: true, is_pruned: true, ..full },
         Shape { is_pruned: true, corner_weights: CornerWeights::Uniform, ..full },
@@ -150,7 +155,7 @@ fn hostile_headers_are_errors() {
     let of_surface =
         ["/materials/0/surface/texels/0", "/materials/0/surface/texels/1", "/materials/0/surface/codebook"];
     let of_coarser = ["/materials/0/coarser", "/materials/0/coarser/0/0/n_side", "/materials/0/coarser/1/1/n_side"];
-    let (varying, coarser) = (random_neubrdf(VARYING, 1), random_neubrdf(RESOLUTIONS, 1));
+    let (varying, coarser) = (random_neubrdf(LEANING, 1), random_neubrdf(RESOLUTIONS, 1));
     let all = numbers.map(|pointer| (&brdf, pointer)).into_iter();
     let all = all.chain(of_surface.map(|pointer| (&varying, pointer)));
     let all = all.chain(of_coarser.map(|pointer| (&coarser, pointer)));
@@ -169,6 +174,14 @@ fn hostile_headers_are_errors() {
         for value in values {
             let file = with_header(&brdf, |header| *header.pointer_mut(pointer).unwrap() = value.into());
             assert!(NeuBrdf::decode(&file).is_err(), "{pointer} = {value}");
+        }
+    }
+    // Frames that are there and not announced, or the other way round.
+    for (shape, part) in [(VARYING, true), (LEANING, false)] {
+        for name in ["has_normals", "has_directions"] {
+            let brdf = random_neubrdf(shape, 1);
+            let file = with_header(&brdf, |header| header["materials"][0]["surface"][name] = part.into());
+            assert!(NeuBrdf::decode(&file).is_err(), "{name} = {part}");
         }
     }
     let more = with_header(&brdf, |header| header["surprise"] = 1.into());
@@ -229,6 +242,21 @@ fn models_that_cannot_be_are_refused() {
         change(&mut brdf);
         assert_eq!(brdf.validate().unwrap_err().field, field);
     }
+    type FrameChange = fn(&mut SurfaceFrames);
+    let changes: [(&str, FrameChange); 7] = [
+        ("surface.normals", |frames| frames.normals.truncate(6)),
+        ("surface.normals", |frames| frames.normals[1] = [32767, 0]),
+        ("surface.normals", |frames| frames.normals[2] = [i16::MIN, 0]),
+        ("surface.normals", |frames| frames.normals[2] = [30000, -20000]),
+        ("surface.directions", |frames| frames.directions.push([32767, 0])),
+        ("surface.directions", |frames| frames.directions[3] = [0, 0]),
+        ("surface.directions", |frames| frames.directions[3] = [i16::MIN, 0]),
+    ];
+    for (field, change) in changes {
+        let mut brdf = random_neubrdf(LEANING, 1);
+        change(&mut brdf.surface.as_mut().unwrap().frames);
+        assert_eq!(brdf.validate().unwrap_err().field, field);
+    }
     let mut brdf = random_neubrdf(SMALL, 1);
     codes(&mut brdf.wi)[0] = 1e5;
     assert_eq!(brdf.encode(Precision::F16).unwrap_err().field, "codebooks[0].codes");
@@ -246,8 +274,8 @@ fn errors_name_the_file() {
     assert!(NeuBrdf::load(&path, None).unwrap() == brdf);
 }
 
-static FILES: LazyLock<[Vec<u8>; 5]> = LazyLock::new(|| {
-    [(SMALL, 0), (SMALL, 1), (VARYING, 2), (VARYING, 3), (RESOLUTIONS, 4)]
+static FILES: LazyLock<[Vec<u8>; 6]> = LazyLock::new(|| {
+    [(SMALL, 0), (SMALL, 1), (VARYING, 2), (VARYING, 3), (RESOLUTIONS, 4), (LEANING, 5)]
         .map(|(shape, seed)| random_neubrdf(shape, seed).encode(Precision::F16).unwrap())
 });
 
@@ -258,7 +286,7 @@ proptest! {
     #[test]
     fn any_file_is_an_error_or_a_valid_model(
         changes in prop::collection::vec((any::<prop::sample::Index>(), any::<u8>()), 1..6),
-        seed in 0u64..5,
+        seed in 0u64..6,
     ) {
         let bytes = &FILES[seed as usize];
         let mut content = bytes[..bytes.len() - 32].to_vec();
@@ -331,6 +359,40 @@ fn isotropic_materials_look_the_same_from_all_sides() {
                 usize::from(!close(brdf.eval(turn(wo), turn(wi))) || !close(brdf.eval(mirror(wo), mirror(wi))));
         }
         assert!(if is_isotropic { differences == 0 } else { differences > 150 }, "{differences}");
+    }
+}
+
+/// A frame turns what there is: the value about the surface's normal is that about the frame's, times what that receives. Frames that are the
+/// surface's own change nothing, to the bit, and are not stored.
+#[test]
+fn frames_turn_materials() {
+    let mut random = Stream(1);
+    for is_isotropic in [true, false] {
+        let flat = random_neubrdf(Shape { is_isotropic, surface: Some(([1, 1], 3)), n_side: 16, ..Shape::FULL }, 3);
+        let with = |frame: SurfaceFrame| {
+            let mut brdf = flat.clone();
+            brdf.surface.as_mut().unwrap().frames = SurfaceFrames::new(&[frame]);
+            brdf
+        };
+        let own = with(SurfaceFrame::OWN);
+        assert!(own == flat && own.encode(Precision::F16) == flat.encode(Precision::F16));
+        let leaning = with(SurfaceFrame { normal: DVec3::new(0.48, 0.36, 0.8), doubled: DVec2::new(-0.6, 0.8) });
+        let frame = leaning.surface.as_ref().unwrap().frame(Footprint::WHOLE).unwrap();
+        assert!(frame.normal.distance(DVec3::new(0.48, 0.36, 0.8)) < 1e-4);
+        let mut below = 0;
+        for _ in 0..500 {
+            let (wo, wi) = (random.direction(), random.direction());
+            let found = leaning.eval(wo, wi);
+            let [o, i] = [wo, wi].map(|w| frame.axes().transpose() * w);
+            if o.z < 0.0 || i.z < 0.0 {
+                below += 1;
+                assert_eq!(found, DVec3::ZERO);
+            } else {
+                assert!((found - flat.eval(o, i) * frame.received(wi)).length() <= 1e-12 * found.length());
+            }
+        }
+        assert!((20..250).contains(&below), "{below}");
+        assert!(!leaning.is_isotropic_about_z() && flat.is_isotropic_about_z() == is_isotropic);
     }
 }
 

@@ -1,12 +1,14 @@
 //! Materials that vary over a texture: maps, samples and stacks of images to learn them from.
 
+use std::f32::consts::PI;
 use std::fs;
 use std::path::Path;
 
 use glam::{DVec2, DVec3, Vec2, Vec3};
 use neubrdf::material::{Bsdf, Evaluate, Ggx, Prepared, TexelSamples, VaryingSurface};
 use neubrdf::scene::brdf::{Footprint, NeuBrdf, SurfaceGrid, SurfaceSamples};
-use neubrdf::scene::{Btf, Scene, Surface, SurfaceMaps, Texture};
+use neubrdf::scene::{Btf, Color, Fresnel, Scene, Surface, SurfaceMaps, Texture};
+use neubrdf::train::check::{Check, check};
 use neubrdf::train::measure::{Query, pair_errors_at};
 use neubrdf::train::{Evaluator, GroundTruth, Pair, Plan, Recipe, Session, SurfacePlan, btf_pairs, sample_pairs};
 
@@ -39,6 +41,97 @@ fn a_material_that_varies_is_learned_at_all_sizes() {
         let error = error_at(&evaluator, &tiles, 4f64.powf(level), SIDE);
         assert!(error < 0.05, "level {level}: mean |Δ ln(1 + f)| {error}");
     }
+}
+
+/// A surface whose frames nobody is told.
+#[derive(Debug)]
+struct Unframed(VaryingSurface);
+
+impl Evaluate for Unframed {
+    fn eval(&self, wo: DVec3, wi: DVec3) -> DVec3 {
+        self.0.eval(wo, wi)
+    }
+
+    fn eval_at(&self, footprint: Footprint, wo: DVec3, wi: DVec3) -> DVec3 {
+        self.0.eval_at(footprint, wo, wi)
+    }
+
+    fn is_spatial(&self) -> bool {
+        true
+    }
+
+    fn is_isotropic(&self) -> bool {
+        self.0.is_isotropic()
+    }
+}
+
+fn trained(truth: &dyn Evaluate, side: u32) -> NeuBrdf {
+    let plan = Plan { n_side: [8; 2], steps: 1500, pairs: 1 << 16, ..small(Recipe::Default) }.over([side; 2]);
+    let mut session = Session::new(plan, &GroundTruth::Surface { brdf: truth }).unwrap();
+    NeuBrdf::decode(&finish(&mut session)).unwrap()
+}
+
+/// Tiles that lean up to 29°: at points a network with frames has nothing more to learn than about flat ones. Averages over several tiles it
+/// learns as well as without. (In between, where texels are half as large as the tiles' bulges, no look-up tells one flank from the other.)
+#[test]
+fn normals_are_turned_into_and_not_learned() {
+    const SIDE: u32 = 8;
+    let tiles = VaryingSurface::new(maps::tiles(SIDE, 0.4));
+    let brdf = trained(&tiles, SIDE);
+    let surface = brdf.surface.as_ref().unwrap();
+    assert!(brdf.is_isotropic && !surface.frames.normals.is_empty() && surface.frames.directions.is_empty());
+    let evaluator = Evaluator::neubrdf(&brdf);
+    let errors = [0.0, 1.0, 2.0, 3.0].map(|level| error_at(&evaluator, &tiles, 4f64.powf(level), SIDE));
+    let unframed = trained(&Unframed(VaryingSurface::new(maps::tiles(SIDE, 0.4))), SIDE);
+    let evaluator_of_unframed = Evaluator::neubrdf(&unframed);
+    let before = [0.0, 1.0, 2.0, 3.0].map(|level| error_at(&evaluator_of_unframed, &tiles, 4f64.powf(level), SIDE));
+    eprintln!("with frames {errors:.4?}, without {before:.4?}");
+    assert!(errors[0] < 0.03 && before[0] > 0.06, "{errors:?} {before:?}");
+    assert!(errors[2..].iter().all(|error| *error < 0.05), "{errors:?}");
+
+    // What is fast is what is defined, and a BRDF.
+    let mut random = Stream(1);
+    for query in (0..300).map(|_| random.query()) {
+        let (fast, exact) = (evaluator.eval_at(&[query])[0], brdf.eval_at(query.footprint, query.wo, query.wi));
+        assert!((fast - exact).abs().max_element() <= 1e-4 * (exact.max_element() + 0.01), "{fast} {exact}");
+    }
+    // On the flank of a tile.
+    let steep = Footprint::point(DVec2::splat(0.0625));
+    let at = |pairs: &[[DVec3; 2]]| {
+        evaluator
+            .eval_at(&pairs.iter().map(|[wo, wi]| Query { footprint: steep, wo: *wo, wi: *wi }).collect::<Vec<_>>())
+    };
+    let Check { negative, non_finite, max_albedo, .. } = check(false, &at);
+    assert!((negative, non_finite) == (0, 0) && max_albedo < 1.01, "{max_albedo}");
+}
+
+/// A brushed metal whose brush goes once around across the texture.
+fn brushed(side: u32) -> SurfaceMaps {
+    let fresnel = Fresnel::Schlick { f0: Color::constant(Vec3::splat(0.8)) };
+    let direction = maps::texture(side, |at| {
+        let (sin, cos) = (2.0 * PI * at.x).sin_cos();
+        Vec3::new(0.5 + 0.5 * cos, 0.5 + 0.5 * sin, 0.0)
+    });
+    SurfaceMaps {
+        surface: Surface::Conductor { fresnel, alpha: Vec2::new(0.5, 0.2) },
+        color: None,
+        roughness: None,
+        normal: None,
+        direction: Some(direction),
+    }
+}
+
+#[test]
+fn directions_of_anisotropy_are_turned_into_and_not_learned() {
+    const SIDE: u32 = 16;
+    let truth = VaryingSurface::new(brushed(SIDE));
+    let brdf = trained(&truth, SIDE);
+    let surface = brdf.surface.as_ref().unwrap();
+    assert!(!brdf.is_isotropic && surface.frames.normals.is_empty() && !surface.frames.directions.is_empty());
+    let error = |brdf: &NeuBrdf| error_at(&Evaluator::neubrdf(brdf), &truth, 1.0, SIDE);
+    let errors = [error(&brdf), error(&trained(&Unframed(VaryingSurface::new(brushed(SIDE))), SIDE))];
+    eprintln!("with frames, and without {errors:.4?}");
+    assert!(errors[0] < 0.05 && errors[1] > 0.07, "{errors:?}");
 }
 
 /// Texels' codes, their scores and a network that is pruned on the way are all part of what is saved.
@@ -94,13 +187,14 @@ fn maps_are_read_as_they_are_meant() {
     assert!(!bumpy.is_isotropic() && bumpy.is_spatial() && bumpy.size() == [8, 8]);
     for i in 0..64 {
         let uv = DVec2::new(f64::from(i % 8) + 0.5, f64::from(i / 8) + 0.5) / 8.0;
-        assert!(bumpy.normal(uv).distance(made.normal(uv)) < 0.02, "{uv}");
+        let [read, made] = [&bumpy, &made].map(|surface| surface.frame(Footprint::point(uv)).unwrap());
+        assert!(read.normal.distance(made.normal) < 0.02 && read.doubled == DVec2::X, "{uv}");
     }
 
     // Without bumps it is at each texel the metal of that colour and roughness.
     write(whole);
     let flat = VaryingSurface::new(load().unwrap().0);
-    assert!(flat.is_isotropic());
+    assert!(flat.is_isotropic() && flat.frame(Footprint::WHOLE).is_none());
     let (wo, wi) = (DVec3::new(0.3, 0.1, 0.9).normalize(), DVec3::new(-0.2, 0.3, 0.8).normalize());
     let maps = maps::tiles(8, 0.0);
     let Surface::Conductor { fresnel, .. } = maps.surface else { panic!("tiles are of metal") };
@@ -113,6 +207,20 @@ fn maps_are_read_as_they_are_meant() {
         assert!(((found - expected) / expected).abs().max_element() < 0.03, "{found} {expected}");
     }
 
+    // Where the direction is across u, the roughness along u is that across v; a direction and its opposite are one.
+    let across = |red: f32, green: f32| maps::texture(8, |_| Vec3::new(red, green, 0.0));
+    let stretched = "type = \"conductor\"\nf0 = 1\nalpha = [0.4, 0.1]\nanisotropy_direction_map = \"direction.png\"\n";
+    let swapped = Prepared::Conductor { fresnel, roughness: Ggx::new(Vec2::new(0.1, 0.4)) };
+    for (red, green) in [(0.5, 1.0), (0.5, 0.0)] {
+        save(&folder.path().join("direction.png"), &across(red, green), |code| code);
+        write(stretched);
+        let turned = VaryingSurface::new(load().unwrap().0);
+        assert!(!turned.is_isotropic() && turned.frame(Footprint::WHOLE).is_some());
+        let expected = Bsdf::new(&swapped, DVec3::ONE).eval(wo, wi);
+        let found = turned.eval_at(Footprint::point(DVec2::splat(0.3)), wo, wi);
+        assert!(((found - expected) / expected).abs().max_element() < 0.02, "{found} {expected}");
+    }
+
     write("type = \"conductor\"\nmetal = \"gold\"\nalpha = 0.2\n");
     assert!(SurfaceMaps::load(&path).unwrap().is_none());
     for (text, message) in [
@@ -121,6 +229,7 @@ fn maps_are_read_as_they_are_meant() {
         ("type = \"coated\"\nalpha = 0.1\nroughness_map = \"roughness.png\"\n", "beside `alpha`"),
         ("type = \"coated\"\nnormal_map = \"none.png\"\n", "none.png"),
         ("type = \"coated\"\nnormal_map = 1\n", "a string"),
+        ("type = \"coated\"\nanisotropy_direction_map = \"normal.png\"\n", "but on a conductor"),
         ("type = \"coated\"\nnormal_map = \"normal.png\"\nemission = 1\n", "no such key"),
         ("normal_map = \"normal.png\"\n", "`type`"),
     ] {

@@ -14,6 +14,7 @@ mod safetensors;
 mod sampling_lobe;
 mod sparse;
 mod sphere_grid;
+mod surface_frames;
 mod surface_table;
 mod tensor_file;
 
@@ -33,6 +34,7 @@ pub use rgl::{Rgl, RglTable, RglTables, RglWarp};
 pub use sampling_lobe::SamplingLobe;
 pub use sparse::{Sparse, SparseSample, SurfaceSamples};
 pub use sphere_grid::{Located, POLE, SphereGrid};
+pub use surface_frames::{SurfaceFrame, SurfaceFrames};
 pub use surface_table::{Footprint, GatheredTexels, SurfaceGrid, SurfaceTable};
 
 /// A BRDF that a file gives.

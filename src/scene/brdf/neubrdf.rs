@@ -166,12 +166,13 @@ pub struct Provenance {
 }
 
 /// A material: value(ωo, ωi) = decode(MLP([features of ωi, features of ωo])). Behind these come, of one with several resolutions, the features
-/// of ωi and ωo on the coarser grids, and of one that varies over a texture those of the place.
+/// of ωi and ωo on the coarser grids, and of one that varies over a texture those of the place. Where the place has a frame, directions are
+/// turned into it first, and what it receives of ωi multiplies the value ([`super::SurfaceFrame::turned`]).
 ///
-/// Isotropic ones are turned about z first, so that ωi has the azimuth 0 and ωo one in [0, π].
+/// Isotropic ones are turned about z as well, so that ωi has the azimuth 0 and ωo one in [0, π].
 #[derive(Clone, Debug, PartialEq)]
 pub struct NeuBrdf {
-    /// Whether only the difference of the azimuths matters, and not its sign.
+    /// Whether only the difference of the azimuths matters, and not its sign; of one with frames, about these.
     pub is_isotropic: bool,
     /// How the corners of a pixel count.
     pub corner_weights: CornerWeights,
@@ -210,11 +211,16 @@ impl NeuBrdf {
             put(hasher, indices);
             put(hasher, levels);
         }
-        if let Some(SurfaceTable { grid, codebook, indices }) = surface {
+        if let Some(SurfaceTable { grid, codebook, indices, frames }) = surface {
             put(hasher, b"surface");
             put(hasher, &[grid.size(0), [codebook.features, 0]].concat());
             put(hasher, &codebook.codes);
             put(hasher, indices);
+            if !frames.is_empty() {
+                put(hasher, b"frames");
+                put(hasher, frames.normals.as_flattened());
+                put(hasher, frames.directions.as_flattened());
+            }
         }
         for Dense { inputs: _, outputs: _, weights, bias } in layers {
             put(hasher, weights);

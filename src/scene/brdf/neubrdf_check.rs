@@ -1,6 +1,6 @@
 //! What makes a NeuBRDF valid.
 
-use super::{Codebook, Dense, Encoding, NO_CODE, NeuBrdf, SamplingLobe, SphereTable, SurfaceTable};
+use super::{Codebook, Dense, Encoding, NO_CODE, NeuBrdf, SamplingLobe, SphereTable, SurfaceFrames, SurfaceTable};
 
 /// What is wrong with a NeuBRDF.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
@@ -224,6 +224,24 @@ impl SurfaceTable {
             "surface.indices",
             || format!("{:?} at {wrong:?}", wrong.map(|point| self.indices[point])),
             format!("indices below {codes}"),
-        )
+        )?;
+        self.frames.validate(points)
+    }
+}
+
+impl SurfaceFrames {
+    fn validate(&self, points: usize) -> Result<(), Flaw> {
+        let each = |field: &str, pairs: &[[i16; 2]], is_fine: fn([i16; 2]) -> bool, expected: &str| {
+            let count = pairs.len();
+            let fits = count == 0 || count == points;
+            expect(fits, field, || count.to_string(), format!("none, or one for each of {points} texels"))?;
+            let wrong = pairs.iter().find(|pair| !is_fine(**pair));
+            expect(wrong.is_none(), field, || format!("{wrong:?}"), expected)
+        };
+        let one = SurfaceFrames::ONE;
+        let lean = format!("x and y of unit vectors times {one}, with z at least 1/32");
+        each("surface.normals", &self.normals, SurfaceFrames::is_normal, &lean)?;
+        let angle = format!("cosines and sines times {one}");
+        each("surface.directions", &self.directions, SurfaceFrames::is_direction, &angle)
     }
 }

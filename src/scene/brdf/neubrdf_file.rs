@@ -6,14 +6,14 @@
 //! | 4 | version, 2 |
 //! | 4 | length of the header |
 //! | that | the header, JSON: everything but the numbers below, and how many of each there are |
-//! | rest | codebooks; networks, each layer's weights before its biases; for each material those of ωi, then ωo, then the coarser ones likewise: merged pixels, indices; then, of one that varies, indices of texels |
+//! | rest | codebooks; networks, each layer's weights before its biases; for each material those of ωi, then ωo, then the coarser ones likewise: merged pixels, indices; then, of one that varies, indices of texels, and what there is of their normals and directions |
 //! | 32 | BLAKE3 of all before |
 //!
 //! All is little-endian. Materials name their codebooks and their network by number; each stands there once, however many materials
 //! name it. Codes, weights and biases are `f16` or `f32`, as `precision` says. Indices take as many bits each as the greatest
 //! index of the codebook, one for each grid point that is the corner of a pixel, lowest bit first; merged pixels are one bit for
 //! each block that [`SphereGrid::merge_where`](super::SphereGrid::merge_where) asks for, where `is_merged`. Both are filled up to
-//! whole bytes. Version 1, of one material, is `neubrdf_file_1.rs`.
+//! whole bytes. Normals and directions ([`super::SurfaceFrames`]) are two numbers of 16 bits a texel each. Version 1, of one material, is `neubrdf_file_1.rs`.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -103,6 +103,14 @@ struct SurfaceHeader {
     codebook: usize,
     /// Texels across and down.
     texels: [u32; 2],
+    #[serde(default, skip_serializing_if = "is_false")]
+    has_normals: bool,
+    #[serde(default, skip_serializing_if = "is_false")]
+    has_directions: bool,
+}
+
+fn is_false(value: &bool) -> bool {
+    !value
 }
 
 impl NeuBrdfPack {
@@ -151,6 +159,8 @@ impl NeuBrdfPack {
             let surface = material.surface.as_ref().map(|surface| SurfaceHeader {
                 codebook: place_of(&*surface.codebook, &mut codebooks),
                 texels: surface.grid.size(0),
+                has_normals: !surface.frames.normals.is_empty(),
+                has_directions: !surface.frames.directions.is_empty(),
             });
             materials.push(MaterialHeader {
                 name: name.clone(),
@@ -323,7 +333,8 @@ fn decode(header: &[u8], payload: &[u8]) -> Result<NeuBrdfPack, Flaw> {
     let surface = |reader: &mut Reader, header: &SurfaceHeader| {
         let codebook = named(&codebooks, header.codebook, "surface.codebook")?.clone();
         let (grid, indices) = reader.texels("surface", header.texels, codebook.code_count())?;
-        Ok(SurfaceTable { grid, codebook, indices })
+        let frames = reader.frames("surface", grid.point_count(), header.has_normals, header.has_directions)?;
+        Ok(SurfaceTable { grid, codebook, indices, frames })
     };
     let mut material = |header: MaterialHeader| -> Result<(String, NeuBrdf), Flaw> {
         let brdf = NeuBrdf {

@@ -5,7 +5,9 @@ use std::fmt;
 use half::f16;
 use serde::{Deserialize, Serialize};
 
-use super::{Codebook, Dense, Flaw, NO_CODE, NeuBrdf, SphereGrid, SphereTable, SurfaceGrid, SurfaceTable};
+use super::{
+    Codebook, Dense, Flaw, NO_CODE, NeuBrdf, SphereGrid, SphereTable, SurfaceFrames, SurfaceGrid, SurfaceTable,
+};
 
 /// How numbers are stored.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
@@ -73,12 +75,14 @@ impl Writer {
         self.bytes.append(&mut bits.finish());
     }
 
-    /// The indices of a valid table.
+    /// The indices and the frames of a valid table.
     pub fn texels(&mut self, table: &SurfaceTable) {
         let mut bits = BitWriter::default();
         let width = texel_bits(table.codebook.code_count());
         table.indices.iter().for_each(|index| bits.put(*index, width));
         self.bytes.append(&mut bits.finish());
+        let SurfaceFrames { normals, directions } = &table.frames;
+        self.bytes.extend(normals.iter().chain(directions).flatten().flat_map(|number| number.to_le_bytes()));
     }
 
     fn numbers(&mut self, field: &str, numbers: &[f32]) -> Result<(), Flaw> {
@@ -180,6 +184,22 @@ impl<'a> Reader<'a> {
         let bytes = (count as u64 * u64::from(width)).div_ceil(8);
         let mut bits = Bits { bytes: self.take(&field("indices"), bytes)?, next: 0 };
         Ok((grid, (0..count).map(|_| bits.take(width)).collect()))
+    }
+
+    /// The frames of so many texels, as far as they are there.
+    pub fn frames(
+        &mut self,
+        name: &str,
+        points: usize,
+        has_normals: bool,
+        has_directions: bool,
+    ) -> Result<SurfaceFrames, Flaw> {
+        let mut pairs = |is_there: bool, part: &str| -> Result<Vec<[i16; 2]>, Flaw> {
+            let count = if is_there { points } else { 0 };
+            let (pairs, _) = self.take(&format!("{name}.{part}"), 4 * count as u64)?.as_chunks();
+            Ok(pairs.iter().map(|[a, b, c, d]| [[*a, *b], [*c, *d]].map(i16::from_le_bytes)).collect())
+        };
+        Ok(SurfaceFrames { normals: pairs(has_normals, "normals")?, directions: pairs(has_directions, "directions")? })
     }
 
     fn levels(&mut self, field: &str, grid: SphereGrid) -> Result<Vec<u8>, Flaw> {

@@ -1,10 +1,10 @@
-//! Features over a texture: a pyramid of texels that name codes of a codebook, looked up with a filter.
+//! Features over a texture: a pyramid of texels that name codes of a codebook, and may have frames, looked up with a filter.
 
 use std::sync::Arc;
 
 use glam::{DVec2, IVec2};
 
-use super::Codebook;
+use super::{Codebook, SurfaceFrame, SurfaceFrames};
 
 /// What is looked at of a surface that varies: a place, and how much about it.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -79,6 +79,20 @@ impl SurfaceGrid {
         self.first_point(self.level_count()) as usize
     }
 
+    /// What each point covers.
+    pub fn texels(&self) -> impl Iterator<Item = Footprint> {
+        let of_level = |level: u32| {
+            let [width, height] = self.size(level);
+            let area = 1.0 / (f64::from(width) * f64::from(height));
+            let center = move |row: u32, column: u32| {
+                DVec2::new(f64::from(column) + 0.5, f64::from(height - row) - 0.5)
+                    / DVec2::new(width.into(), height.into())
+            };
+            (0..height).flat_map(move |row| (0..width).map(move |column| Footprint { uv: center(row, column), area }))
+        };
+        (0..self.level_count()).flat_map(of_level)
+    }
+
     /// The level whose texels are as large as a footprint, a real number from 0 to the last.
     pub fn level(&self, area: f64) -> f64 {
         let texels = area * f64::from(self.width) * f64::from(self.height);
@@ -126,6 +140,15 @@ pub struct SurfaceTable {
     pub codebook: Arc<Codebook>,
     /// The code of each point.
     pub indices: Vec<u16>,
+    /// What directions are turned into, point by point.
+    pub frames: SurfaceFrames,
+}
+
+impl SurfaceTable {
+    /// The frame of a footprint; `None` where all are the surface's own.
+    pub fn frame(&self, footprint: Footprint) -> Option<SurfaceFrame> {
+        self.frames.look_up(&self.grid, footprint)
+    }
 }
 
 #[cfg(test)]
@@ -143,6 +166,17 @@ mod tests {
             assert_eq!(grid.point_count() as u32, sizes.iter().map(|[w, h]| w * h).sum::<u32>());
         }
         assert!(SurfaceGrid::new(0, 4).is_none() && SurfaceGrid::new(4, SurfaceGrid::MAX_SIDE + 1).is_none());
+    }
+
+    #[test]
+    fn a_look_up_of_a_texel_is_that_texel() {
+        let grid = SurfaceGrid::new(8, 4).unwrap();
+        assert_eq!(grid.texels().count(), grid.point_count());
+        for (point, texel) in grid.texels().enumerate() {
+            let GatheredTexels { points, weights } = grid.gather(texel);
+            let own = points.iter().zip(weights).filter(|(at, _)| **at == point as u32);
+            assert!((own.map(|(_, weight)| weight).sum::<f64>() - 1.0).abs() < 1e-12, "{texel:?}");
+        }
     }
 
     #[test]
