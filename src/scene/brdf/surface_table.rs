@@ -170,7 +170,7 @@ mod tests {
 
     #[test]
     fn a_look_up_of_a_texel_is_that_texel() {
-        let grid = SurfaceGrid::new(8, 4).unwrap();
+        let grid = SurfaceGrid::new(8, 8).unwrap();
         assert_eq!(grid.texels().count(), grid.point_count());
         for (point, texel) in grid.texels().enumerate() {
             let GatheredTexels { points, weights } = grid.gather(texel);
