@@ -39,11 +39,7 @@ impl SurfaceFrame {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    fn frame(lean: f64, towards: f64, psi: f64) -> SurfaceFrame {
-        let normal = DVec3::new(lean.sin() * towards.cos(), lean.sin() * towards.sin(), lean.cos());
-        SurfaceFrame { normal, doubled: DVec2::from_angle(2.0 * psi) }
-    }
+    use crate::scene::brdf::leaning_frame as frame;
 
     #[test]
     fn frames_are_right_handed_and_orthonormal() {

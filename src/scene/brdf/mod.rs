@@ -34,6 +34,8 @@ pub use rgl::{Rgl, RglTable, RglTables, RglWarp};
 pub use sampling_lobe::SamplingLobe;
 pub use sparse::{Sparse, SparseSample, SurfaceSamples};
 pub use sphere_grid::{Located, POLE, SphereGrid};
+#[cfg(test)]
+pub(crate) use surface_frames::leaning_frame;
 pub use surface_frames::{SurfaceFrame, SurfaceFrames};
 pub use surface_table::{Footprint, GatheredTexels, SurfaceGrid, SurfaceTable};
 

@@ -102,14 +102,17 @@ fn fraction(numbers: [i16; 2]) -> DVec2 {
     DVec2::from(numbers.map(f64::from)) / f64::from(SurfaceFrames::ONE)
 }
 
+/// A frame whose normal leans by so much towards an azimuth, with ψ.
+#[cfg(test)]
+pub(crate) fn leaning_frame(lean: f64, towards: f64, psi: f64) -> SurfaceFrame {
+    let normal = DVec3::new(lean.sin() * towards.cos(), lean.sin() * towards.sin(), lean.cos());
+    SurfaceFrame { normal, doubled: DVec2::from_angle(2.0 * psi) }
+}
+
 #[cfg(test)]
 mod tests {
+    use super::leaning_frame as frame;
     use super::*;
-
-    fn frame(lean: f64, towards: f64, psi: f64) -> SurfaceFrame {
-        let normal = DVec3::new(lean.sin() * towards.cos(), lean.sin() * towards.sin(), lean.cos());
-        SurfaceFrame { normal, doubled: DVec2::from_angle(2.0 * psi) }
-    }
 
     #[test]
     fn directions_that_differ_by_half_a_turn_are_one() {
