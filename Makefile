@@ -4,7 +4,7 @@ CARGO := cargo
 FEATURES := --features embree --locked
 OUT := target/demo
 
-.PHONY: demo test soak bench check study study-fit study-share study-sparse study-layered gallery install install-test install-demo
+.PHONY: demo test test-device soak bench check study study-fit study-share study-sparse study-layered gallery install install-test install-demo
 
 ## Renders the preview scene, in analytic and in neural materials, to target/demo/preview.png and neural.png (and .exr).
 demo: install-demo
@@ -17,6 +17,12 @@ demo: install-demo
 ## Runs every test: two Vulkan drivers, the validation layers, and the Embree reference.
 test: install-test
 	$(CARGO) test $(FEATURES)
+
+## Runs the tests of kernels and pictures on a device of your own in lavapipe's place: a part of its name.
+DEVICE := llvmpipe
+test-device: install-test
+	NEUBRDF_TEST_DEVICE=$(DEVICE) $(CARGO) test $(FEATURES) --test gpu --test traversal --test bsdf --test neubrdf_device \
+		--test render --test truth --test stability --test proof
 
 ## The tests of the plugin that take long: 10,000 frames with changes, and 1,000 renderers made and dropped; under the validation
 ## layer, and without it, as its own books grow.

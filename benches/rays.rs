@@ -43,7 +43,7 @@ fn speed(device: &Arc<Device>, rounds: usize) -> anyhow::Result<()> {
     );
     let meshes = ["spot.obj", "teapot.obj", "stanford-bunny.obj"].into_iter().filter_map(found);
     for mesh in std::iter::once(cornell_box()).chain(meshes) {
-        let sets = ray_sets(&mesh, 1024);
+        let sets = ray_sets(&mesh, if device.profile().is_cpu { 1024 } else { 2048 });
         let name = mesh.name.clone();
         let scene = alone(mesh);
         let bvh = Intersector::new(device, &scene, Traversal::Bvh)?;
@@ -53,8 +53,9 @@ fn speed(device: &Arc<Device>, rounds: usize) -> anyhow::Result<()> {
         let embree = neubrdf::reference::Accelerator::new(&scene)?;
         for (kind, query, rays) in &sets {
             let batch = bvh.upload(rays)?;
-            // Some drivers' ray queries are slow beyond patience.
-            let few: Vec<Ray> = rays.chunks(64).step_by(64).flatten().copied().collect();
+            // Ray queries of CPU drivers are slow beyond patience.
+            let step = if device.profile().is_cpu { 64 } else { 1 };
+            let few: Vec<Ray> = rays.chunks(64).step_by(step).flatten().copied().collect();
             let few_batch = ray_query.as_ref().map(|tracer| tracer.upload(&few)).transpose()?;
             let [mut single, mut streams, mut own, mut query_times] = [const { Vec::new() }; 4];
             for _ in 0..rounds {

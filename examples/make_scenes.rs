@@ -36,7 +36,8 @@ pub fn write_all(folder: &Path) -> Outcome {
     many_lights(&folder.join("many_lights"), 300)?;
     furnace(&folder.join("furnace"))?;
     sky(&folder.join("sky"))?;
-    still_life(&folder.join("still_life"))
+    still_life(&folder.join("still_life"))?;
+    mosaic(&folder.join("mosaic"))
 }
 
 // ---------------------------------------------------------------------------------------------------------- scenes
@@ -559,6 +560,94 @@ irradiance = [2.6, 2.4, 2.1]
     save(folder, &[("scene.toml", toml), ("still_life.mtl", mtl), ("still_life.obj", &obj.text)])
 }
 
+/// A jar and a ring of glazed tiles, in a neural material that varies: `neubrdf train glaze.toml -o glaze.neubrdf` learns it from the
+/// maps.
+fn mosaic(folder: &Path) -> Outcome {
+    let mut obj = Obj::new("mosaic.mtl");
+    obj.object("jar", "glaze");
+    // A profile between an ellipse's and a box's.
+    let blunt = |x: f32| x.signum() * x.abs().powf(0.75);
+    let jar = |t: f32| Vec2::new(0.62 * blunt((PI * t).sin()), 0.78 - 0.78 * blunt((PI * t).cos()));
+    obj.lathe_tiled(vec3(-0.45, 0.0, 0.0), 28, 48, Vec2::new(5.0, 3.0), jar);
+    obj.object("ring", "glaze");
+    let ring = |t: f32| Vec2::new(0.42 + 0.17 * (t * TAU).cos(), 0.17 + 0.17 * (t * TAU).sin());
+    obj.lathe_tiled(vec3(0.85, 0.0, 0.55), 16, 36, Vec2::new(4.0, 2.0), ring);
+    obj.object("floor", "floor");
+    obj.sheet(1, 1, 1.0, |u, v| vec3(30.0 * (u - 0.5), 0.0, 30.0 * (0.5 - v)), false);
+    let light = |center, size| square_facing(vec3(0.0, 0.6, 0.0), center, size);
+    obj.object("key light", "key");
+    obj.quad(light(vec3(-3.0, 4.0, 3.0), 0.8));
+    obj.object("fill light", "fill");
+    obj.quad(light(vec3(4.0, 3.0, 2.5), 1.2));
+    let mtl = "newmtl floor\nKd 0.4 0.39 0.37\nnewmtl glaze\nKd 0.1 0.2 0.3\nnewmtl key\nKe 24 22 20\nnewmtl fill\nKe 5 6 8\n";
+    let toml = "\
+# Glazed tiles in one neural material that varies. Made by examples/make_scenes.rs.
+[camera]
+eye = [0.3, 2.1, 5.4]
+target = [0.1, 0.66, 0]
+fov = 28
+
+[film]
+width = 240
+height = 180
+
+[[mesh]]
+file = \"mosaic.obj\"
+
+[material.glaze]
+type = \"measured\"
+file = \"glaze.neubrdf\"
+
+[environment]
+radiance = [0.3, 0.32, 0.36]
+";
+    let glaze = "\
+# Tiles under a glaze that bulges, with rough grout between them: what glaze.neubrdf has learned. Made by examples/make_scenes.rs.
+type = \"coated\"
+ior = 1.5
+texture = \"color.png\"
+roughness_map = \"roughness.png\"
+normal_map = \"normal.png\"
+";
+    let files = [("scene.toml", toml), ("mosaic.mtl", mtl), ("mosaic.obj", &obj.text), ("glaze.toml", glaze)];
+    save(folder, &files)?;
+    let map = |name: &str, texel: &dyn Fn(Tile) -> [f32; 3]| {
+        let pixel = |x, y| image::Rgb(texel(Tile::at(x, y)).map(|value| (255.0 * value).round() as u8));
+        image::RgbImage::from_fn(64, 64, pixel).save(folder.join(name))
+    };
+    let glazes = [[0.17, 0.45, 0.5], [0.3, 0.66, 0.68], [0.2, 0.3, 0.62], [0.85, 0.8, 0.68], [0.73, 0.43, 0.27]];
+    map("color.png", &|tile| match tile.is_grout() {
+        true => [0.62, 0.6, 0.57],
+        false => glazes[(5.0 * tile.chance) as usize].map(|value| value * (0.9 + 0.1 * (37.0 * tile.chance).fract())),
+    })?;
+    map("roughness.png", &|tile| [if tile.is_grout() { 0.8 } else { 0.28 + 0.1 * (11.0 * tile.chance).fract() }; 3])?;
+    map("normal.png", &|tile| {
+        // Of a height that falls with the fourth power towards the edge: at most 12° at corners.
+        let slope = if tile.is_grout() { Vec2::ZERO } else { 0.15 * tile.place * tile.place * tile.place };
+        (0.5 + 0.5 * slope.extend(1.0).normalize()).to_array()
+    })?;
+    Ok(())
+}
+
+/// Where a texel of 64 × 64 lies on its tile of 16 × 16.
+struct Tile {
+    /// In [−1, 1]², x along u and y along v, which runs upwards.
+    place: Vec2,
+    /// The tile's own number in [0, 1).
+    chance: f32,
+}
+
+impl Tile {
+    fn at(x: u32, y: u32) -> Tile {
+        let along = |texel: u32| ((texel % 16) as f32 + 0.5) / 8.0 - 1.0;
+        Tile { place: Vec2::new(along(x), -along(y)), chance: Random(u64::from(y / 16 * 4 + x / 16)).next() }
+    }
+
+    fn is_grout(&self) -> bool {
+        self.place.abs().max_element() > 0.9
+    }
+}
+
 // ----------------------------------------------------------------------------------------------------------- files
 
 fn save(folder: &Path, files: &[(&str, &str)]) -> Outcome {
@@ -684,6 +773,11 @@ impl Obj {
     /// A surface of revolution about a vertical axis: the profile runs upwards on the outside, (distance from the
     /// axis, height) over t in [0, 1]. u runs around, v along the profile.
     fn lathe(&mut self, center: Vec3, rows: usize, segments: usize, profile: impl Fn(f32) -> Vec2) {
+        self.lathe_tiled(center, rows, segments, Vec2::ONE, profile);
+    }
+
+    /// The same with texture coordinates that run to `repeat`.
+    fn lathe_tiled(&mut self, center: Vec3, rows: usize, segments: usize, repeat: Vec2, profile: impl Fn(f32) -> Vec2) {
         let [position, uv, normal] = [self.positions, self.uvs, self.normals];
         let point = |t: f32, angle: f32| {
             let Vec2 { x: radius, y: height } = profile(t);
@@ -700,7 +794,7 @@ impl Obj {
                 self.normal(vec3(outwards.x * angle.sin(), outwards.y, outwards.x * angle.cos()));
             }
             for segment in 0..=segments {
-                self.uv(Vec2::new(segment as f32 / segments as f32, t));
+                self.uv(repeat * Vec2::new(segment as f32 / segments as f32, t));
             }
         }
         for row in 0..rows {

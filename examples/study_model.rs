@@ -1,7 +1,7 @@
 //! `make study`: what sizes of a NeuBRDF are worth their time on the device.
 //!
-//! A few materials are fitted with models around the default, one size at a time and some together. Each fit leaves a JSON file in the
-//! folder, as does each timing of the device's kernel; what is there is not done again. Prints a table in Markdown, in which ★ marks
+//! A few materials are fitted with models around the default, one size at a time and some together. Each fit leaves a JSON file and a
+//! `.neubrdf` in the folder, and is not done again; the device's kernel is timed each time. Prints a table in Markdown, in which ★ marks
 //! the Pareto front of (evaluations a second, error), and draws it.
 
 #[path = "../benches/render/evaluations.rs"]
@@ -12,9 +12,9 @@ use std::io::Write;
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use anyhow::{Result, bail};
+use anyhow::{Context, Result, bail};
 use clap::Parser;
-use evaluations::{Evaluations, rate_by_own_time};
+use evaluations::Evaluations;
 use neubrdf::converge::study::plot::{Plot, Point, Series};
 use neubrdf::gpu::{Device, DeviceChoice, Instance, Validation};
 use neubrdf::image::atomic_write;
@@ -37,67 +37,87 @@ struct Arguments {
     /// Where results and the plot are kept
     #[arg(long, default_value = "target/study")]
     folder: PathBuf,
-    /// Fit nothing: print and draw the models that were fitted to all materials
+    /// Fit nothing: time, print and draw the models that were fitted to all materials
     #[arg(long)]
     print: bool,
+    /// Fit, and leave the rest to another machine
+    #[arg(long, conflicts_with = "print")]
+    fit: bool,
+    /// What is timed: part of a device's name, or its place in the list of `neubrdf info`
+    #[arg(long)]
+    device: Option<String>,
 }
 
 /// What is varied, each with the plot's words for it.
 const AXES: [(&str, &str); 8] = [
-    ("default", "the default"),
+    ("default", "the defaults"),
     ("n-side", "N_side, each point its own code"),
     ("codes", "2ᵇ codes a hemisphere"),
-    ("features", "features F"),
+    ("features", "features a resolution"),
     ("hidden", "hidden neurons"),
     ("weights", "¼ a corner"),
     ("together", "several at once"),
-    ("resolutions", "several resolutions"),
+    ("resolutions", "other resolutions"),
 ];
 
 /// The sizes of a model.
-#[derive(Clone, Copy, Serialize)]
+#[derive(Clone, Copy)]
 struct Sizes {
     n_side: u32,
     resolutions: usize,
     /// b: a hemisphere has 2ᵇ codes; without, each point has its own.
     code_bits: Option<u32>,
-    /// F, on each grid; without, the recipe's, which depends on whether the material is isotropic.
-    features: Option<usize>,
+    /// F, on each grid.
+    features: usize,
     hidden: usize,
     corner_weights: CornerWeights,
 }
 
+/// That of anisotropic materials; isotropic ones have one resolution of 12 features.
 const DEFAULT: Sizes = Sizes {
     n_side: 16,
-    resolutions: 1,
+    resolutions: 3,
     code_bits: None,
-    features: None,
+    features: 4,
     hidden: 64,
     corner_weights: CornerWeights::Bilinear,
 };
 
 /// All models, with the place of their axis in [`AXES`].
 fn models() -> Vec<(usize, Sizes)> {
-    let mut models = vec![(0, DEFAULT)];
+    let single = Sizes { resolutions: 1, features: 12, ..DEFAULT };
+    let mut models = vec![(0, DEFAULT), (0, single)];
     models.extend([8, 32, 64].map(|n_side| (1, Sizes { n_side, ..DEFAULT })));
-    // At N_side 128 there are more points than an index can name.
-    let codes = [(16, 4), (16, 6), (16, 8), (16, 10), (64, 4), (64, 6), (64, 8), (64, 10), (128, 10)];
+    let codes = [(16, 4), (16, 6), (16, 8), (16, 10), (64, 4), (64, 6), (64, 8), (64, 10)];
     models.extend(codes.map(|(n_side, bits)| (2, Sizes { n_side, code_bits: Some(bits), ..DEFAULT })));
-    models.extend([4, 8, 16, 24, 32].map(|features| (3, Sizes { features: Some(features), ..DEFAULT })));
+    models.extend([2, 3, 6, 8].map(|features| (3, Sizes { features, ..DEFAULT })));
     models.extend([16, 32, 48, 96, 128].map(|hidden| (4, Sizes { hidden, ..DEFAULT })));
     let uniform = Sizes { corner_weights: CornerWeights::Uniform, ..DEFAULT };
     models.extend([16, 64].map(|n_side| (5, Sizes { n_side, ..uniform })));
-    models.push((5, Sizes { n_side: 64, code_bits: Some(8), features: Some(16), ..uniform }));
-    for (features, hidden) in [(4, 16), (8, 16), (8, 32), (16, 32), (8, 48), (16, 48), (16, 128)] {
-        models.push((6, Sizes { features: Some(features), hidden, ..DEFAULT }));
+    let papers = Sizes { n_side: 64, code_bits: Some(8), features: 16, ..single };
+    models.push((5, Sizes { corner_weights: CornerWeights::Uniform, ..papers }));
+    for (features, hidden) in [(2, 16), (3, 16), (3, 32), (6, 32), (3, 48), (6, 48), (6, 96)] {
+        models.push((6, Sizes { features, hidden, ..DEFAULT }));
     }
-    models.push((6, Sizes { n_side: 32, features: Some(8), hidden: 32, ..DEFAULT }));
-    let pyramids = [(16, 2, 4), (16, 2, 8), (16, 3, 4), (32, 2, 4), (32, 2, 8), (32, 3, 4), (64, 3, 4), (64, 4, 4)];
-    models.extend(pyramids.map(|(n_side, resolutions, features)| {
-        (7, Sizes { n_side, resolutions, features: Some(features), ..DEFAULT })
-    }));
-    // The paper's: N_side 64 and 2⁸ codes, in as many features.
-    models.push((7, Sizes { n_side: 64, resolutions: 4, features: Some(4), code_bits: Some(8), ..DEFAULT }));
+    let pyramids = [
+        (16, 1, 4),
+        (16, 1, 8),
+        (16, 1, 16),
+        (16, 2, 4),
+        (16, 2, 6),
+        (16, 2, 8),
+        (16, 4, 3),
+        (16, 4, 4),
+        (32, 1, 12),
+        (32, 2, 6),
+        (32, 4, 3),
+        (64, 4, 3),
+    ];
+    models.extend(
+        pyramids.map(|(n_side, resolutions, features)| (7, Sizes { n_side, resolutions, features, ..DEFAULT })),
+    );
+    // The paper's N_side and codes, in one resolution and, with as many features, in four.
+    models.extend([papers, Sizes { resolutions: 4, features: 4, ..papers }].map(|sizes| (7, sizes)));
     models
 }
 
@@ -108,7 +128,7 @@ impl Sizes {
             n_side: [self.n_side; 2],
             resolutions: self.resolutions,
             codes: self.code_bits.map_or(plan.codes, |bits| [1 << bits; 2]),
-            features: self.features.unwrap_or(plan.features),
+            features: self.features,
             hidden: self.hidden,
             pruned: self.hidden,
             corner_weights: self.corner_weights,
@@ -118,11 +138,7 @@ impl Sizes {
 
     fn name(&self) -> String {
         let codes = self.code_bits.map_or("own".to_owned(), |bits| format!("2^{bits}"));
-        let features = match (self.resolutions, self.features) {
-            (_, None) => "12/11".to_owned(),
-            (1, Some(features)) => features.to_string(),
-            (resolutions, Some(features)) => format!("{resolutions} × {features}"),
-        };
+        let features = format!("{} × {}", self.resolutions, self.features);
         let weights = match self.corner_weights {
             CornerWeights::Uniform => "¼",
             CornerWeights::Bilinear => "bilinear",
@@ -138,10 +154,6 @@ const PRECISIONS: [Precision; 2] = [Precision::F16, Precision::F32];
 struct Outcome {
     errors: [Errors; 2],
     bytes: [usize; 2],
-    /// Of training.
-    cpu_seconds: f64,
-    /// Million evaluations a second of the device.
-    rates: [f64; 2],
 }
 
 /// A model, fitted to each material.
@@ -149,6 +161,8 @@ struct Fitted {
     axis: usize,
     sizes: Sizes,
     outcomes: Vec<Outcome>,
+    /// Million evaluations a second of the device in each of [`PRECISIONS`], geometric mean over materials.
+    rates: [f64; 2],
 }
 
 /// Timings of which the median counts.
@@ -165,29 +179,69 @@ fn main() -> Result<()> {
         .into_iter()
         .filter(|(axis, _)| arguments.axis.is_empty() || arguments.axis.iter().any(|name| name == AXES[*axis].0))
         .collect();
-    let device = Instance::new(Validation::Off)?.open(&DeviceChoice::Auto)?;
-    let bar = bar(models.len() * truths.len())?;
-    let mut fitted = Vec::new();
-    for (axis, sizes) in models {
-        let mut outcomes = Vec::new();
-        for truth in &truths {
-            bar.set_message(format!("{}: {}", sizes.name().replace(" |", ","), truth.name));
-            outcomes.extend(outcome(&arguments, &device, truth, sizes)?);
-            bar.inc(1);
-        }
-        if outcomes.len() == truths.len() {
-            fitted.push(Fitted { axis, sizes, outcomes });
-        }
+    let mut fitted = fit(&arguments, &truths, models)?;
+    if arguments.fit {
+        return Ok(());
     }
-    bar.finish_and_clear();
+    let choice = arguments.device.clone().map_or(DeviceChoice::Auto, DeviceChoice::Named);
+    let device = Instance::new(Validation::Off)?.open(&choice)?;
+    time(&arguments, &device, &truths, &mut fitted)?;
     let [half, full] = [0, 1].map(|precision| points(&fitted, precision));
     print_table(&truths, &fitted, &half, &full);
     let plot = arguments.folder.join("study.svg");
     let io_error = |source| neubrdf::image::Error::Io { path: plot.clone(), source };
-    let svg = plot_of(&truths, &half, device.driver()).document();
+    let on = format!("{}, {}", device.name(), device.driver());
+    let svg = plot_of(&truths, &half, &on).document();
     atomic_write(&plot, |file| file.write_all(svg.as_bytes()).map_err(io_error))?;
     eprintln!("{}", plot.display());
     Ok(())
+}
+
+/// Those that are, or can be, fitted to all materials.
+fn fit(arguments: &Arguments, truths: &[Truth], models: Vec<(usize, Sizes)>) -> Result<Vec<Fitted>> {
+    let bar = bar(models.len() * truths.len())?;
+    let mut fitted = Vec::new();
+    for (axis, sizes) in models {
+        let mut outcomes = Vec::new();
+        for truth in truths {
+            bar.set_message(format!("{}: {}", sizes.name().replace(" |", ","), truth.name));
+            outcomes.extend(outcome(arguments, truth, sizes)?);
+            bar.inc(1);
+        }
+        if outcomes.len() == truths.len() {
+            fitted.push(Fitted { axis, sizes, outcomes, rates: [0.0; 2] });
+        }
+    }
+    bar.finish_and_clear();
+    Ok(fitted)
+}
+
+/// Times all, one after another.
+fn time(arguments: &Arguments, device: &Arc<Device>, truths: &[Truth], fitted: &mut [Fitted]) -> Result<()> {
+    let bar = bar(fitted.len())?;
+    for model in fitted {
+        bar.set_message(model.sizes.name().replace(" |", ","));
+        for (rate, precision) in model.rates.iter_mut().zip(PRECISIONS) {
+            let mut rates = Vec::new();
+            for truth in truths {
+                let path = fit_path(arguments, truth, model.sizes)?.with_extension("neubrdf");
+                let brdf = NeuBrdf::decode(&std::fs::read(&path).with_context(|| path.display().to_string())?)?;
+                let evaluations = Evaluations::new(device, &brdf, precision)?;
+                let timings: Vec<_> = (0..ROUNDS).map(|_| evaluations.run()).collect::<Result<_>>()?;
+                let mut of_rounds: Vec<f64> = timings.iter().map(|timing| evaluations.own_rate(timing)).collect();
+                of_rounds.sort_by(f64::total_cmp);
+                rates.push(of_rounds[ROUNDS / 2]);
+            }
+            *rate = geometric_mean(&rates);
+        }
+        bar.inc(1);
+    }
+    bar.finish_and_clear();
+    Ok(())
+}
+
+fn geometric_mean(values: &[f64]) -> f64 {
+    (values.iter().map(|value| value.ln()).sum::<f64>() / values.len() as f64).exp()
 }
 
 fn truths(names: &[String]) -> Result<Vec<Truth>> {
@@ -206,38 +260,33 @@ fn truths(names: &[String]) -> Result<Vec<Truth>> {
     Ok(wanted)
 }
 
-/// What is known of a fit, or is found out now, unless only what is known is wanted.
-fn outcome(arguments: &Arguments, device: &Arc<Device>, truth: &Truth, sizes: Sizes) -> Result<Option<Outcome>> {
+/// Where a fit's outcome is kept.
+fn fit_path(arguments: &Arguments, truth: &Truth, sizes: Sizes) -> Result<PathBuf> {
     let plan = sizes.plan(arguments.quality, truth.is_isotropic);
-    let path = arguments.folder.join(format!("{}-{}.json", truth.name, key(&plan)?));
+    Ok(arguments.folder.join(format!("{}-{}.json", truth.name, key(&plan)?)))
+}
+
+/// What is known of a fit, or is found out now, unless only what is known is wanted.
+fn outcome(arguments: &Arguments, truth: &Truth, sizes: Sizes) -> Result<Option<Outcome>> {
+    let path = fit_path(arguments, truth, sizes)?;
     if arguments.print && !path.exists() {
         return Ok(None);
     }
     let find_out = || -> Result<Outcome> {
-        let (session, cost) = train(truth, plan)?;
+        let (session, _) = train(truth, sizes.plan(arguments.quality, truth.is_isotropic))?;
         let Some(brdf) = session.neubrdf() else { bail!("{}: trained to something else", truth.name) };
         let mut files = Vec::new();
         for precision in PRECISIONS {
             files.push(brdf.encode(precision)?);
         }
-        let of_file = |place: usize| -> Result<(Errors, f64)> {
-            // What is measured is what the file says, rounded numbers and all.
-            let brdf = NeuBrdf::decode(&files[place])?;
-            let evaluations = Evaluations::new(device, &brdf, PRECISIONS[place])?;
-            let mut rates = Vec::new();
-            for _ in 0..ROUNDS {
-                rates.push(rate_by_own_time(&evaluations.run()?));
-            }
-            rates.sort_by(f64::total_cmp);
-            Ok((errors(truth, &Evaluator::neubrdf(&brdf)), rates[ROUNDS / 2]))
-        };
-        let [(half, half_rate), (full, full_rate)] = [of_file(0)?, of_file(1)?];
-        Ok(Outcome {
-            errors: [half, full],
-            bytes: [files[0].len(), files[1].len()],
-            cpu_seconds: cost.cpu_seconds,
-            rates: [half_rate, full_rate],
-        })
+        let [half, full] = [&files[0], &files[1]];
+        let fit = path.with_extension("neubrdf");
+        let io_error = |source| neubrdf::image::Error::Io { path: fit.clone(), source };
+        atomic_write(&fit, |file| file.write_all(full).map_err(io_error))?;
+        // What is measured is what the file says, rounded numbers and all.
+        let of_file =
+            |file: &[u8]| -> Result<Errors> { Ok(errors(truth, &Evaluator::neubrdf(&NeuBrdf::decode(file)?))) };
+        Ok(Outcome { errors: [of_file(half)?, of_file(full)?], bytes: [half.len(), full.len()] })
     };
     kept(&path, find_out).map(Some)
 }
@@ -245,7 +294,7 @@ fn outcome(arguments: &Arguments, device: &Arc<Device>, truth: &Truth, sizes: Si
 /// A model in a precision, over all materials.
 struct ModelPoint {
     axis: usize,
-    /// Million evaluations a second, geometric mean.
+    /// Million evaluations a second.
     rate: f64,
     /// Mean |Δ ln(1 + f)|, geometric mean.
     error: f64,
@@ -254,11 +303,9 @@ struct ModelPoint {
 
 /// All models in one of [`PRECISIONS`].
 fn points(models: &[Fitted], precision: usize) -> Vec<ModelPoint> {
-    let mean = |values: Vec<f64>| (values.iter().map(|value| value.ln()).sum::<f64>() / values.len() as f64).exp();
     let of = |model: &Fitted| -> [f64; 2] {
-        let rate = |outcome: &Outcome| outcome.rates[precision];
-        let error = |outcome: &Outcome| outcome.errors[precision].log;
-        [mean(model.outcomes.iter().map(rate).collect()), mean(model.outcomes.iter().map(error).collect())]
+        let errors: Vec<f64> = model.outcomes.iter().map(|outcome| outcome.errors[precision].log).collect();
+        [model.rates[precision], geometric_mean(&errors)]
     };
     let all: Vec<[f64; 2]> = models.iter().map(of).collect();
     let is_better = |a: &[f64; 2], b: &[f64; 2]| a[0] >= b[0] && a[1] <= b[1] && a != b;
@@ -274,10 +321,10 @@ fn points(models: &[Fitted], precision: usize) -> Vec<ModelPoint> {
 fn print_table(truths: &[Truth], models: &[Fitted], half: &[ModelPoint], full: &[ModelPoint]) {
     let names: Vec<&str> = truths.iter().map(|truth| truth.name.as_str()).collect();
     println!(
-        "| N_side | codes | F | hidden | weights | M/s | M/s, f32 | error | error, f32 | {} | SSIM | albedo | bytes | CPU s |",
+        "| N_side | codes | resolutions × F | hidden | weights | M/s | M/s, f32 | error | error, f32 | {} | SSIM | albedo | bytes |",
         names.join(" | ")
     );
-    println!("|---|---|---|---|---|---|---|---|---|{}---|---|---|---|", "---|".repeat(truths.len()));
+    println!("|---|---|---|---|---|---|---|---|---|{}---|---|---|", "---|".repeat(truths.len()));
     for ((model, half), full) in models.iter().zip(half).zip(full) {
         let outcomes = &model.outcomes;
         let star = if half.is_on_front { " ★" } else { "" };
@@ -285,9 +332,8 @@ fn print_table(truths: &[Truth], models: &[Fitted], half: &[ModelPoint], full: &
         let ssim = outcomes.iter().map(|outcome| outcome.errors[0].ssim).fold(f64::INFINITY, f64::min);
         let albedo = outcomes.iter().map(|outcome| outcome.errors[0].albedo).fold(0.0, f64::max);
         let bytes = outcomes.iter().map(|outcome| outcome.bytes[0]).max().unwrap_or(0);
-        let seconds: f64 = outcomes.iter().map(|outcome| outcome.cpu_seconds).sum();
         println!(
-            "| {} | {:.2} | {:.2} | {:.5}{star} | {:.5} | {} | {ssim:.4} | {:.1} % | {bytes} | {seconds:.0} |",
+            "| {} | {:.2} | {:.2} | {:.5}{star} | {:.5} | {} | {ssim:.4} | {:.1} % | {bytes} |",
             model.sizes.name(),
             half.rate,
             full.rate,
@@ -299,7 +345,7 @@ fn print_table(truths: &[Truth], models: &[Fitted], half: &[ModelPoint], full: &
     }
 }
 
-fn plot_of(truths: &[Truth], models: &[ModelPoint], driver: &str) -> Plot {
+fn plot_of(truths: &[Truth], models: &[ModelPoint], device: &str) -> Plot {
     let mut front: Vec<&ModelPoint> = models.iter().filter(|point| point.is_on_front).collect();
     front.sort_by(|a, b| a.rate.total_cmp(&b.rate));
     let front = front.windows(2).map(|ends| Series {
@@ -323,7 +369,7 @@ fn plot_of(truths: &[Truth], models: &[ModelPoint], driver: &str) -> Plot {
     let names: Vec<&str> = truths.iter().map(|truth| truth.name.as_str()).collect();
     Plot {
         title: "NeuBRDFs of several sizes, in f16, and the Pareto front".to_owned(),
-        x_label: format!("million evaluations a second, {driver}"),
+        x_label: format!("million evaluations a second, {device}"),
         y_label: format!("mean |Δ ln(1 + f)|: {}", names.join(", ")),
         series: front.chain(of_axes).collect(),
         reference_noise: 0.0,

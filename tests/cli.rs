@@ -3,7 +3,7 @@
 mod common;
 
 use std::path::{Path, PathBuf};
-use std::process::{Command, Output};
+use std::process::{Command, Output, Stdio};
 
 use common::{LAVAPIPE, driver};
 use neubrdf::image::{plane, read_exr};
@@ -42,6 +42,18 @@ fn bare_obj() -> (TempDir, PathBuf) {
 
 fn text(path: &Path) -> &str {
     path.to_str().unwrap()
+}
+
+/// `neubrdf material X | head`.
+#[test]
+fn a_reader_that_leaves_early_is_no_error() {
+    let file = concat!(env!("CARGO_MANIFEST_DIR"), "/scenes/materials/gold_satin.neubrdf");
+    let mut command = Command::new(env!("CARGO_BIN_EXE_neubrdf"));
+    command.args(["material", file]).stdout(Stdio::piped()).stderr(Stdio::piped());
+    let mut child = command.spawn().unwrap();
+    drop(child.stdout.take());
+    let output = child.wait_with_output().unwrap();
+    assert!(output.status.success() && output.stderr.is_empty(), "{}", stderr(&output));
 }
 
 #[test]

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use common::gpu_structs::*;
-use common::on_every_device;
+use common::{alone_with_validation, on_every_device, validated};
 use neubrdf::gpu::{
     Blas, BlasGeometry, Buffer, Commands, Device, DeviceChoice, Error, Instance, Kernel, KernelSource, Memory, Tlas,
     TlasInstance, Validation, spirv,
@@ -212,7 +212,7 @@ fn what_a_recording_uses_may_be_dropped_before_it_is_submitted() {
 
 #[test]
 fn synchronization_validation_finds_a_missing_barrier() {
-    let instance = match Instance::new(Validation::Sync) {
+    let instance = match validated() {
         Ok(instance) => instance,
         Err(error) => return eprintln!("skipped: {error}"),
     };
@@ -247,7 +247,7 @@ fn the_first_mistake_in_recording_is_what_submitting_reports() {
 #[test]
 fn more_memory_than_a_device_allows_is_an_error() {
     on_every_device(|device| {
-        for bytes in [device.limits().max_memory_allocation_size + 1, 1 << 60, u64::MAX] {
+        for bytes in [device.limits().max_memory_allocation_size.saturating_add(1), 1 << 60, u64::MAX] {
             let error = Buffer::new(device, "the library of Babel", bytes, Memory::Device).err().unwrap();
             assert!(matches!(&error, Error::BufferTooLarge { bytes: found, .. } if *found == bytes), "{error}");
         }
@@ -360,6 +360,7 @@ fn without_ray_query_acceleration_structures_are_refused() {
 
 #[test]
 fn devices_are_found_by_index_and_by_name() {
+    alone_with_validation();
     let instance = match Instance::new(Validation::Off) {
         Ok(instance) => instance,
         Err(error) => return eprintln!("skipped: {error}"),

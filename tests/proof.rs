@@ -70,7 +70,7 @@ fn prove(driver_name: &str, traversals: &[Traversal], scenes: &[(String, Scene)]
     let mut failures = Vec::new();
     for (title, scene) in scenes {
         let reference = reference(scene);
-        for traversal in traversals {
+        for traversal in traversals.iter().filter(|traversal| driver.has(**traversal)) {
             let options = Options { traversal: Some(*traversal), pool_paths: None };
             let picture = render(&driver.device, scene, &settings(), &options, SAMPLES);
             let name = format!("proof-{driver_name}-{traversal}-{title}");

@@ -9,7 +9,7 @@ use std::sync::Arc;
 use common::*;
 use glam::{DVec2, DVec3, Vec2, Vec3};
 use neubrdf::converge::Metrics;
-use neubrdf::gpu::{Device, DeviceChoice, Instance, Validation};
+use neubrdf::gpu::Device;
 use neubrdf::image::{Crop, Picture, plane};
 use neubrdf::render::{
     Checkpoint, Features, Limits, NeuBrdfShape, Options, Renderer, Sampler, Settings, Stopped, Traversal, pack_neubrdf,
@@ -55,11 +55,11 @@ fn a_pool_of_one_path_renders() {
 /// Times are then missing, and nothing else.
 #[test]
 fn a_queue_without_timestamps_renders_the_same_bits() {
-    let instance = match Instance::new(Validation::Sync) {
+    let instance = match validated() {
         Ok(instance) => instance,
         Err(error) => return eprintln!("skipped: {error}"),
     };
-    let lavapipe = DeviceChoice::Named(LAVAPIPE.into());
+    let lavapipe = opened_as(LAVAPIPE);
     let open = |bits| instance.open_as(&lavapipe, |report| report.limits.timestamp_valid_bits = bits);
     let (Ok(with), Ok(without)) = (open(64), open(0)) else { return eprintln!("skipped: no {LAVAPIPE}") };
     let scene = still_life(diffuse(0.5));
@@ -76,7 +76,7 @@ fn a_queue_without_timestamps_renders_the_same_bits() {
 
 #[test]
 fn both_traversals_give_the_same_bits() {
-    let Some(driver) = driver(LAVAPIPE) else { return };
+    let Some(driver) = driver(LAVAPIPE).filter(|driver| driver.has(Traversal::RayQuery)) else { return };
     let scene = still_life(Surface::Dielectric { ior: 1.5, alpha: 0.0 });
     let by = |traversal| {
         render(&driver.device, &scene, &settings(), &Options { traversal: Some(traversal), pool_paths: None }, 8)

@@ -294,7 +294,7 @@ fn compare(scene: &Scene, intersector: &Intersector, count: usize, seed: u64) ->
 ///
 /// Rays a scene: of generated ones, of those that the project ships, of real meshes.
 fn compare_all(driver_name: &str, traversal: Traversal, [generated, shipped, real]: [usize; 3]) {
-    let Some(driver) = driver(driver_name) else { return };
+    let Some(driver) = driver(driver_name).filter(|driver| driver.has(traversal)) else { return };
     let made = [alone(sphere(40)), alone(soup(2000)), alone(room()), crowd(1), crowd(40)];
     let found = ["spot.obj", "teapot.obj", "stanford-bunny.obj"].into_iter().filter_map(found).map(alone);
     let ours = common::shipped_scenes().into_iter().map(|path| Scene::load(path).unwrap().0);
@@ -315,7 +315,10 @@ fn compare_all(driver_name: &str, traversal: Traversal, [generated, shipped, rea
             (false, Traversal::Bvh) => 0,
         };
         assert!(differences.wrong <= allowed, "{label}: {differences:?}");
-        assert!(traversal == Traversal::RayQuery || is_moved || differences.cracks == 0, "{label}: {differences:?}");
+        // A GPU's division may be 2.5 ulp off (Vulkan's table of precisions): through an edge of the silhouette its ray may pass by.
+        let is_exact = traversal == Traversal::Bvh && !is_moved;
+        let allowed = if driver.device.profile().is_cpu { 0 } else { count / 1000 };
+        assert!(!is_exact || differences.cracks <= allowed, "{label}: {differences:?}");
         drop(intersector);
     }
     driver.finish();

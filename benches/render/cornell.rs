@@ -10,6 +10,7 @@ use crate::peer::Mitsuba;
 
 pub const SAMPLES: u32 = 64;
 pub const MAX_DEPTH: u32 = 6;
+/// Of Mitsuba's picture.
 const PIXELS: f64 = 256.0 * 256.0;
 /// Renders of each.
 const ROUNDS: usize = 3;
@@ -29,20 +30,21 @@ struct Contender {
     prepare: Option<f64>,
     /// The first sample of each pixel: what is compiled late is compiled here.
     first: f64,
+    pixels: f64,
     samples: u32,
     timings: Vec<Timing>,
 }
 
 impl Contender {
-    fn new(name: String, mut who: Who, prepare: Option<f64>) -> Result<Contender> {
+    fn new(name: String, mut who: Who, prepare: Option<f64>, pixels: f64) -> Result<Contender> {
         let first = who.render(1, 0)?.seconds;
         let one = who.render(1, 1)?.seconds;
         let samples = if one * f64::from(SAMPLES) > LONGEST_SECONDS { FEW_SAMPLES } else { SAMPLES };
-        Ok(Contender { name, who, prepare, first, samples, timings: Vec::new() })
+        Ok(Contender { name, who, prepare, first, pixels, samples, timings: Vec::new() })
     }
 
     fn print(&self) {
-        let rate = |seconds: f64| f64::from(self.samples) * PIXELS * 1e-6 / seconds;
+        let rate = |seconds: f64| f64::from(self.samples) * self.pixels * 1e-6 / seconds;
         let wall = Spread::of(self.timings.iter().map(|timing| rate(timing.seconds)));
         let cpu = Spread::of(self.timings.iter().map(|timing| rate(timing.cpu_seconds / cores() as f64)));
         let others = Spread::of(self.timings.iter().map(|timing| timing.others));
@@ -74,11 +76,12 @@ impl Who {
 }
 
 pub fn run() -> Result<()> {
-    let scene = crate::load("cornell")?;
+    let mut scene = crate::load("cornell")?;
     let instance = Instance::new(Validation::Off)?;
     let mut contenders = Vec::new();
     for report in instance.devices()?.iter().filter(|report| report.missing.is_empty()) {
         let device = instance.open(&DeviceChoice::Named(report.index.to_string()))?;
+        scene.film = crate::film(&device);
         for traversal in [Traversal::Bvh, Traversal::RayQuery] {
             if traversal == Traversal::RayQuery && !device.has_ray_query() {
                 continue;
@@ -90,14 +93,15 @@ pub fn run() -> Result<()> {
                 let renderer = Renderer::new(&device, &scene, &settings, &options)?;
                 let prepare = watch.stop().seconds;
                 let name = format!("{}, {traversal}, {sampler}", report.driver.split(' ').next().unwrap_or("?"));
-                contenders.push(Contender::new(name, Who::Ours(Box::new(renderer)), Some(prepare))?);
+                let pixels = f64::from(scene.film.width * scene.film.height);
+                contenders.push(Contender::new(name, Who::Ours(Box::new(renderer)), Some(prepare), pixels)?);
             }
         }
     }
     for variant in ["llvm_ad_rgb", "scalar_rgb"] {
         if let Some(mitsuba) = Mitsuba::start(variant, "cornell")? {
             let name = format!("Mitsuba {} {variant}, independent", mitsuba.version);
-            contenders.push(Contender::new(name, Who::Mitsuba(mitsuba), None)?);
+            contenders.push(Contender::new(name, Who::Mitsuba(mitsuba), None, PIXELS)?);
         }
     }
     let bar = bar(ROUNDS * contenders.len());
@@ -109,7 +113,9 @@ pub fn run() -> Result<()> {
         }
     }
     bar.finish_and_clear();
-    println!("256×256, depth {MAX_DEPTH}; rates in Msamples/s, median (min–max) of renders in turns\n");
+    println!(
+        "256×256 (on a GPU 1024×1024), depth {MAX_DEPTH}; rates in Msamples/s, median (min–max) of renders in turns\n"
+    );
     println!("| renderer | prepare s | first spp s | rate | rate by own CPU time | others' cores | renders × spp |");
     println!("|---|---|---|---|---|---|---|");
     contenders.iter().for_each(Contender::print);

@@ -20,8 +20,8 @@ mod sphere;
 
 use std::path::{Path, PathBuf};
 
-use ::neubrdf::gpu::{Instance, Validation};
-use ::neubrdf::scene::Scene;
+use ::neubrdf::gpu::{Device, Instance, Validation};
+use ::neubrdf::scene::{Film, Scene};
 use anyhow::{Result, bail};
 
 /// What runs when nothing is asked for.
@@ -66,6 +66,12 @@ fn shipped(name: &str) -> PathBuf {
 
 fn load(name: &str) -> Result<Scene> {
     Ok(Scene::load(shipped(name))?.0)
+}
+
+/// What is rendered to take times: more on a GPU, so that it does not just wait for its host.
+fn film(device: &Device) -> Film {
+    let size = if device.profile().is_cpu { 256 } else { 1024 };
+    Film { width: size, height: size }
 }
 
 fn print_machine() -> Result<()> {

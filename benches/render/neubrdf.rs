@@ -1,5 +1,5 @@
-//! NeuBRDF evaluations a second of the device, of the paper's network: N_side 64, 16 features, 32 → 64 → 64 → 64 → 3; beside the default's and
-//! an NBRDF's.
+//! NeuBRDF evaluations a second of the device, of the default's sizes and of the paper's network (N_side 64, 16 features, 32 → 64 → 64 → 64 → 3),
+//! beside an NBRDF's.
 
 use std::path::Path;
 use std::process::Command;
@@ -8,7 +8,7 @@ use anyhow::{Context, Result};
 use neubrdf::gpu::{DeviceChoice, Instance, Validation};
 use neubrdf::scene::brdf::{CornerWeights, Nbrdf, Precision};
 
-use crate::evaluations::{EVALUATIONS, Evaluations, rate_by_own_time};
+use crate::evaluations::Evaluations;
 use crate::measure::{Spread, Timing};
 use crate::random_neubrdf::{Shape, random_neubrdf};
 
@@ -16,18 +16,16 @@ const ROUNDS: usize = 5;
 
 pub fn run() -> Result<()> {
     let device = Instance::new(Validation::Off)?.open(&DeviceChoice::Auto)?;
-    println!("{}, {} evaluations; median (min–max) of {ROUNDS} runs\n", device.driver(), EVALUATIONS);
+    println!("{}, {}; median (min–max) of {ROUNDS} runs\n", device.name(), device.driver());
     println!("| model | first run, s | M/s | M/s by own CPU time |\n|---|---|---|---|");
     let full = Shape::FULL;
-    let default = Shape { n_side: 16, codes: 1569, features: 12, ..full };
+    let default = Shape { n_side: 16, codes: 1569, features: 4, resolutions: 3, ..full };
+    let isotropic = Shape { is_isotropic: true, is_pruned: true, ..default };
     let rows = [
-        (
-            "the default's sizes, isotropic, f16",
-            Shape { is_isotropic: true, is_pruned: true, ..default },
-            Precision::F16,
-        ),
-        ("the default's sizes, anisotropic, f16", Shape { features: 11, ..default }, Precision::F16),
-        ("3 resolutions of 4 features, f16", Shape { features: 4, resolutions: 3, ..default }, Precision::F16),
+        ("the default's sizes, isotropic, f16", isotropic, Precision::F16),
+        ("the default's sizes, anisotropic, f16", default, Precision::F16),
+        ("the default's sizes, anisotropic, f32", default, Precision::F32),
+        ("one resolution of 12 features, f16", Shape { features: 12, resolutions: 1, ..default }, Precision::F16),
         ("anisotropic, f32", full, Precision::F32),
         ("anisotropic, f16", full, Precision::F16),
         ("isotropic, f32", Shape { is_isotropic: true, is_pruned: true, ..full }, Precision::F32),
@@ -53,8 +51,8 @@ pub fn run() -> Result<()> {
 
 fn measure(name: &str, evaluations: &Evaluations) -> Result<()> {
     let timings: Vec<Timing> = (0..ROUNDS).map(|_| evaluations.run()).collect::<Result<_>>()?;
-    let wall = Spread::of(timings.iter().map(|timing| 1e-6 * EVALUATIONS as f64 / timing.seconds));
-    let own = Spread::of(timings.iter().map(rate_by_own_time));
+    let wall = Spread::of(timings.iter().map(|timing| evaluations.rate(timing)));
+    let own = Spread::of(timings.iter().map(|timing| evaluations.own_rate(timing)));
     let first = evaluations.first;
     println!("| {name} | {first:.2} | {wall:.2} | {own:.2} |");
     Ok(())

@@ -5,7 +5,6 @@ use std::time::Instant;
 use anyhow::Result;
 use neubrdf::gpu::{DeviceChoice, Instance, Validation};
 use neubrdf::render::{Options, Renderer, Settings};
-use neubrdf::scene::Film;
 
 use crate::cornell::MAX_DEPTH;
 use crate::measure::{Spread, bar};
@@ -17,7 +16,7 @@ pub fn run() -> Result<()> {
     let device = Instance::new(Validation::Off)?.open(&DeviceChoice::Auto)?;
     for name in ["cornell", "preview"] {
         let mut scene = crate::load(name)?;
-        scene.film = Film { width: 256, height: 256 };
+        scene.film = crate::film(&device);
         let settings = Settings { max_depth: MAX_DEPTH, features: false, ..Settings::default() };
         let mut renderer = Renderer::new(&device, &scene, &settings, &Options::default())?;
         let bar = bar(ROUNDS);
@@ -42,9 +41,11 @@ pub fn run() -> Result<()> {
         bar.finish_and_clear();
         let all: f64 = kernels.iter().map(|(_, list)| Spread::of(list.iter().copied()).median).sum();
         println!(
-            "{name}, {}, {}, 256×256, {SAMPLES} spp, depth {MAX_DEPTH}; median (min–max) of {ROUNDS}\n",
+            "{name}, {}, {}, {}×{}, {SAMPLES} spp, depth {MAX_DEPTH}; median (min–max) of {ROUNDS}\n",
             device.driver(),
-            renderer.traversal()
+            renderer.traversal(),
+            scene.film.width,
+            scene.film.height
         );
         println!("| kernel | ms | share |\n|---|---|---|");
         for (kernel, list) in kernels {

@@ -42,7 +42,7 @@ struct LeafTriangle {
     uint triangle;
 };
 const uint LEAF_TRIANGLE_WORDS = 10u;
-layout(buffer_reference, scalar, buffer_reference_align = 4) readonly buffer LeafTriangleArray { LeafTriangle at[]; };
+layout(buffer_reference, scalar, buffer_reference_align = 8) readonly buffer LeafTriangleArray { LeafTriangle at[]; };
 
 // A reference, not a struct: SwiftShader's compiler dies of copies of structs that hold references.
 layout(buffer_reference, scalar, buffer_reference_align = 8) readonly buffer MeshRecord {

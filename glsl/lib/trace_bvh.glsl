@@ -77,36 +77,41 @@ bool meets_box(BoxRay ray, vec3 lower, vec3 upper, float t_max) {
     return larger(larger(near.x, near.y), larger(near.z, 0.0)) <= smaller(smaller(far.x, far.y), smaller(far.z, t_max));
 }
 
-// Nodes yet to visit. A packet's entry e lies in lane e % LANES of word e / LANES.
+// Nodes yet to visit, of the tree over instances and of a mesh's. A packet's entry e lies in lane e % LANES of word e / LANES.
+// They stand here and are no arguments: an array that is handed in and out is copied at each call, unless a compiler sees through it.
 struct Stack {
     uint word[96];
     uint size;
 };
+Stack stacks[2];
+const uint TOP = 0u;
+const uint MESH = 1u;
 
-void push(inout Stack stack, uint entry, bool wanted) {
+void push(uint level, uint entry, bool wanted) {
     if (IS_PACKET) {
-        uint place = wanted ? stack.size - gl_SubgroupInvocationID : ~0u;
+        uint place = wanted ? stacks[level].size - gl_SubgroupInvocationID : ~0u;
         [[unroll]] for (uint i = 0u; i < STACK_WORDS; ++i) {
-            stack.word[i] = place == i * LANES ? entry : stack.word[i];
+            stacks[level].word[i] = place == i * LANES ? entry : stacks[level].word[i];
         }
-        stack.size += uint(wanted);
+        stacks[level].size += uint(wanted);
     } else if (wanted) {
-        stack.word[stack.size++] = entry;
+        stacks[level].word[stacks[level].size++] = entry;
     }
 }
 
-uint pop(inout Stack stack) {
+uint pop(uint level) {
     uint entry = END;
-    if (stack.size != 0u) {
-        stack.size -= 1u;
+    if (stacks[level].size != 0u) {
+        stacks[level].size -= 1u;
+        uint size = stacks[level].size;
         if (IS_PACKET) {
-            uint word = stack.word[0];
+            uint word = stacks[level].word[0];
             [[unroll]] for (uint i = 1u; i < STACK_WORDS; ++i) {
-                word = stack.size / LANES == i ? stack.word[i] : word;
+                word = size / LANES == i ? stacks[level].word[i] : word;
             }
-            entry = subgroupShuffle(word, stack.size % LANES);
+            entry = subgroupShuffle(word, size % LANES);
         } else {
-            entry = stack.word[stack.size];
+            entry = stacks[level].word[size];
         }
     }
     return entry;
@@ -131,7 +136,7 @@ bool is_done(float t_max) {
 }
 
 // Visits an inner node: leaves those of its children that the ray meets to the stack and returns the nearest.
-uint visit_packet(BvhNodeArray nodes, BoxRay ray, float t_max, inout Stack stack, uint current) {
+uint visit_packet(BvhNodeArray nodes, BoxRay ray, float t_max, uint level, uint current) {
     const uint loads = BVH_NODE_WORDS / LANES;
     uint held[8];
     [[unroll]] for (uint i = 0u; i < loads; ++i) {
@@ -151,14 +156,14 @@ uint visit_packet(BvhNodeArray nodes, BoxRay ray, float t_max, inout Stack stack
     [[unroll]] for (int place = 3; place >= 0; --place) {
         uint slot = order >> 2 * place & 3u;
         uint child = subgroupShuffle(held[24u / LANES], 24u % LANES + slot);
-        push(stack, child, (hits >> slot & 1u) != 0u);
+        push(level, child, (hits >> slot & 1u) != 0u);
     }
-    return pop(stack);
+    return pop(level);
 }
 
-uint visit_alone(BvhNodeArray nodes, BoxRay ray, float t_max, inout Stack stack, uint current) {
+uint visit_alone(BvhNodeArray nodes, BoxRay ray, float t_max, uint level, uint current) {
     BvhNode node = nodes.at[current];
-    uint order = node.order[ray.octant / 4u] >> 8u * (ray.octant % 4u);
+    uint order = (ray.octant < 4u ? node.order.x : node.order.y) >> 8u * (ray.octant % 4u);
     uint hits = 0u;
     [[unroll]] for (uint slot = 0u; slot < 4u; ++slot) {
         vec3 lower = vec3(node.lower_x[slot], node.lower_y[slot], node.lower_z[slot]);
@@ -169,24 +174,24 @@ uint visit_alone(BvhNodeArray nodes, BoxRay ray, float t_max, inout Stack stack,
     [[unroll]] for (int place = 3; place >= 0; --place) {
         uint slot = order >> 2 * place & 3u;
         if ((hits >> slot & 1u) != 0u) {
-            push(stack, nearest, nearest != END);
+            push(level, nearest, nearest != END);
             nearest = slot < 2u ? (slot == 0u ? node.child.x : node.child.y)
                                 : (slot == 2u ? node.child.z : node.child.w);
         }
     }
     if (nearest == END) {
-        nearest = pop(stack);
+        nearest = pop(level);
     }
     return nearest;
 }
 
 // Walks from an inner node to the next leaf, or to END.
-uint next_leaf(BvhNodeArray nodes, BoxRay ray, float t_max, inout Stack stack, uint current) {
+uint next_leaf(BvhNodeArray nodes, BoxRay ray, float t_max, uint level, uint current) {
     do {
         if (IS_PACKET) {
-            current = visit_packet(nodes, ray, t_max, stack, current);
+            current = visit_packet(nodes, ray, t_max, level, current);
         } else {
-            current = visit_alone(nodes, ray, t_max, stack, current);
+            current = visit_alone(nodes, ray, t_max, level, current);
         }
     } while ((current & BVH_LEAF) == 0u);
     return current;
@@ -233,11 +238,10 @@ uint trace_mesh(MeshRecord mesh, vec3 origin, vec3 direction, bool any, inout fl
     BoxRay box = box_ray(origin, direction);
     TriangleRay ray = triangle_ray(origin, direction);
     uint nearest = NO_HIT;
-    Stack stack;
-    stack.size = 0u;
+    stacks[MESH].size = 0u;
     uint current = 0u;
     do {
-        current = next_leaf(nodes, box, t_max, stack, current);
+        current = next_leaf(nodes, box, t_max, MESH, current);
         uint place = leaf_first(current);
         uint left = leaf_count(current);
         // On from leaf to leaf, as long as they come. Once too often at the end: a test there would cost more.
@@ -251,7 +255,7 @@ uint trace_mesh(MeshRecord mesh, vec3 origin, vec3 direction, bool any, inout fl
             place += 1u;
             left -= 1u;
             if (left == 0u) {
-                current = any && is_done(t_max) ? END : pop(stack);
+                current = any && is_done(t_max) ? END : pop(MESH);
                 place = leaf_first(current);
                 left = leaf_count(current);
             }
@@ -271,11 +275,10 @@ Hit trace(vec3 origin, vec3 direction, bool any, float t_max) {
     }
     BvhNodeArray nodes = scene.nodes;
     BoxRay box = box_ray(origin, direction);
-    Stack stack;
-    stack.size = 0u;
+    stacks[TOP].size = 0u;
     uint current = 0u;
     do {
-        current = next_leaf(nodes, box, t_max, stack, current);
+        current = next_leaf(nodes, box, t_max, TOP, current);
         while ((current & BVH_LEAF) != 0u && current != END) {
             uint index = leaf_first(current);
             mat4x3 to_object = scene.instances.at[index].world_to_object;
@@ -288,7 +291,7 @@ Hit trace(vec3 origin, vec3 direction, bool any, float t_max) {
                 hit = Hit(index, triangle);
                 t_max = end;
             }
-            current = any && is_done(t_max) ? END : pop(stack);
+            current = any && is_done(t_max) ? END : pop(TOP);
         }
     } while (current != END);
     return hit;

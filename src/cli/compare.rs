@@ -46,9 +46,9 @@ pub fn run(arguments: Arguments) -> Result<ExitCode> {
     let (reference, _) = read_exr(&arguments.reference)?;
     let comparison = Comparison::of(&picture, &reference, arguments.exposure, ZTestOptions::default())?;
     if arguments.json {
-        println!("{:#}", comparison.to_json());
+        tell!("{:#}", comparison.to_json())?;
     } else {
-        println!("{comparison}");
+        tell!("{comparison}")?;
     }
     if let Some(path) = &arguments.output {
         match path.extension().and_then(|ending| ending.to_str()) {

@@ -213,25 +213,25 @@ pub fn run_command(arguments: Arguments) -> Result<ExitCode> {
     let analysis = Analysis::of(&record);
     let page = write_report(&record, &analysis, output)?;
     if !arguments.quiet {
-        print!("{}", summary_text(&record, &analysis));
-        println!("report: {}", page.display());
+        tell!("{}", summary_text(&record, &analysis).trim_end())?;
+        tell!("report: {}", page.display())?;
     }
     if interrupted.load(Ordering::SeqCst) {
         eprintln!("interrupted: what was rendered is in the report; --resume goes on");
     }
     if let Some(old) = old {
         let path = arguments.compare.as_deref().unwrap_or(Path::new(RECORD_FILE));
-        println!("against {} (95 % intervals, all at once):", path.display());
+        tell!("against {} (95 % intervals, all at once):", path.display())?;
         if (&old.environment.cpu, old.environment.is_release)
             != (&record.environment.cpu, record.environment.is_release)
         {
-            println!("warning: that was another machine or build: seconds do not compare");
+            tell!("warning: that was another machine or build: seconds do not compare")?;
         }
-        print!("{}", change_lines(&compare(&analysis, &Analysis::of(&old))));
+        tell!("{}", change_lines(&compare(&analysis, &Analysis::of(&old))).trim_end())?;
     }
     let Some(gate) = gate else { return Ok(ExitCode::SUCCESS) };
     let verdicts = gate.judge(&analysis);
-    print!("{}", verdict_lines(&verdicts));
+    tell!("{}", verdict_lines(&verdicts).trim_end())?;
     let broken = verdicts.iter().filter(|verdict| !verdict.holds).count();
     if broken > 0 {
         eprintln!("{broken} of {} thresholds are broken", verdicts.len());
@@ -271,7 +271,7 @@ fn stability(arguments: &Arguments) -> Result<ExitCode> {
         bar.inc(1);
     }
     bar.finish_and_clear();
-    print!("{table}");
+    tell!("{}", table.trim_end())?;
     if let Some(directory) = &arguments.output {
         std::fs::create_dir_all(directory).with_context(|| directory.display().to_string())?;
         atomic_write(directory.join("stability.md"), |file| {

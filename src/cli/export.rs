@@ -63,7 +63,7 @@ fn write_scene(arguments: &Arguments, directory: &Path) -> Result<()> {
     for warning in &warnings {
         eprintln!("warning: {warning}");
     }
-    println!("{}", export_mitsuba(&scene, arguments.max_depth, directory)?.display());
+    tell!("{}", export_mitsuba(&scene, arguments.max_depth, directory)?.display())?;
     Ok(())
 }
 
@@ -93,7 +93,7 @@ fn write_shader(arguments: &Arguments, language: Language, output: &Path) -> Res
         atomic_write(path, |file| {
             file.write_all(&bytes).map_err(|source| Error::Io { path: path.to_owned(), source })
         })?;
-        println!("{}", path.display());
+        tell!("{}", path.display())?;
     }
     Ok(())
 }

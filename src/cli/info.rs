@@ -13,8 +13,8 @@ pub struct Arguments {}
 pub fn run(_: Arguments) -> Result<ExitCode> {
     let devices = Instance::new(Validation::Off)?.devices()?;
     for device in &devices {
-        println!("{}: {} ({}, Vulkan {})", device.index, device.name, device.kind, device.api_version);
-        println!("   driver     {}", device.driver);
+        tell!("{}: {} ({}, Vulkan {})", device.index, device.name, device.kind, device.api_version)?;
+        tell!("   driver     {}", device.driver)?;
         if device.missing.is_empty() {
             let profile = device.profile();
             let traversal = match (device.ray_query, profile.traversal_prefers_ray_query) {
@@ -22,16 +22,16 @@ pub fn run(_: Arguments) -> Result<ExitCode> {
                 (true, false) => "bvh (ray-query on request)",
                 (false, _) => "bvh (the device has no VK_KHR_ray_query)",
             };
-            println!("   traversal  {traversal}");
-            println!("   precision  f32; numbers of NeuBRDFs are held in f16 where that loses nothing");
-            println!("   pool       {} paths in workgroups of {}", profile.pool_paths, profile.workgroup_size);
-            println!("   subgroups  {} lanes", device.limits.subgroup_size);
-            println!("   memory     {} MiB", device.limits.device_memory >> 20);
+            tell!("   traversal  {traversal}")?;
+            tell!("   precision  f32; numbers of NeuBRDFs are held in f16 where that loses nothing")?;
+            tell!("   pool       {} paths in workgroups of {}", profile.pool_paths, profile.workgroup_size)?;
+            tell!("   subgroups  {} lanes", device.limits.subgroup_size)?;
+            tell!("   memory     {} MiB", device.limits.device_memory >> 20)?;
         } else {
-            println!("   unfit      it lacks {}", device.missing.join(", "));
+            tell!("   unfit      it lacks {}", device.missing.join(", "))?;
         }
     }
     let fit = devices.iter().filter(|device| device.missing.is_empty()).count();
-    println!("{fit} of {} devices can be used", devices.len());
+    tell!("{fit} of {} devices can be used", devices.len())?;
     Ok(if fit > 0 { ExitCode::SUCCESS } else { ExitCode::FAILURE })
 }

@@ -63,7 +63,7 @@ pub fn run(arguments: Arguments) -> Result<ExitCode> {
     };
     let asks_for_one = arguments.name.is_some() || arguments.check || arguments.plot.is_some();
     if let Some(pack) = pack.as_ref().filter(|pack| pack.materials.len() > 1 && !asks_for_one) {
-        print(&arguments, &describe_pack(pack, &arguments.input)?);
+        print(&arguments, &describe_pack(pack, &arguments.input)?)?;
         return Ok(ExitCode::SUCCESS);
     }
     let input = BrdfInput::load(&arguments.input, arguments.name.as_deref(), DRAWING)?;
@@ -86,7 +86,7 @@ pub fn run(arguments: Arguments) -> Result<ExitCode> {
         (0..places).map(at).fold(check(is_isotropic, &eval), Check::merge)
     });
     facts["check"] = serde_json::json!(checked);
-    print(&arguments, &facts);
+    print(&arguments, &facts)?;
     if let Some(path) = &arguments.plot {
         let io_error = |source| neubrdf::image::Error::Io { path: path.to_owned(), source };
         let svg = plot::polar(PLOT_GAIN, &[&eval]);
@@ -115,12 +115,8 @@ fn describe_pack(pack: &NeuBrdfPack, path: &Path) -> Result<serde_json::Value> {
     )
 }
 
-fn print(arguments: &Arguments, facts: &serde_json::Value) {
-    if arguments.json {
-        println!("{facts:#}");
-    } else {
-        print_facts("", facts);
-    }
+fn print(arguments: &Arguments, facts: &serde_json::Value) -> Result<()> {
+    if arguments.json { tell!("{facts:#}") } else { print_facts("", facts) }
 }
 
 fn describe(brdf: &NeuBrdf) -> serde_json::Value {
@@ -148,14 +144,15 @@ fn describe(brdf: &NeuBrdf) -> serde_json::Value {
 }
 
 /// Prints leaves, a line each, under the names that lead to them.
-fn print_facts(path: &str, facts: &serde_json::Value) {
+fn print_facts(path: &str, facts: &serde_json::Value) -> Result<()> {
     match facts {
         serde_json::Value::Object(entries) => {
             for (name, value) in entries {
-                print_facts(&format!("{path}{}{name}", if path.is_empty() { "" } else { "." }), value);
+                print_facts(&format!("{path}{}{name}", if path.is_empty() { "" } else { "." }), value)?;
             }
+            Ok(())
         }
-        serde_json::Value::Null => {}
-        value => println!("{path:<44} {value}"),
+        serde_json::Value::Null => Ok(()),
+        value => tell!("{path:<44} {value}"),
     }
 }

@@ -1,5 +1,8 @@
 //! The command line: one file a subcommand. Each parses, calls the library and prints.
 
+#[macro_use]
+mod tell;
+
 mod brdf_input;
 mod compare;
 mod converge;

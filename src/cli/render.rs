@@ -163,7 +163,7 @@ pub fn run(arguments: Arguments) -> Result<ExitCode> {
             "estimated_error": if renderer.samples() > 1 { Some(renderer.estimate_error()?) } else { None },
             "rejected_samples": rejected, "stopped": format!("{stopped:?}").to_lowercase(),
         });
-        println!("{statistics:#}");
+        tell!("{statistics:#}")?;
     }
     Ok(ExitCode::SUCCESS)
 }

@@ -204,7 +204,7 @@ pub fn run(arguments: Arguments) -> Result<ExitCode> {
     }
     if !arguments.quiet {
         let FitErrors { pairs, ball, worst_albedo, .. } = &report.errors;
-        println!(
+        tell!(
             "{}: {} bytes, {} steps in {seconds:.1} s; ball SSIM {:.4}, FLIP {:.4}; mean |Δ ln(1+f)| {:.5}, worst albedo {:.2} %",
             arguments.output.display(),
             report.bytes,
@@ -213,7 +213,7 @@ pub fn run(arguments: Arguments) -> Result<ExitCode> {
             ball.flip,
             pairs.log,
             100.0 * worst_albedo
-        );
+        )?;
     }
     Ok(ExitCode::SUCCESS)
 }

@@ -35,7 +35,7 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
     if !arguments.quiet && groups.len() > 1 {
         for (group, path) in groups.iter().zip(&paths) {
             let names: Vec<&str> = group.iter().map(|member| members[*member].name.as_str()).collect();
-            println!("{}: {}", path.display(), names.join(" "));
+            tell!("{}: {}", path.display(), names.join(" "))?;
         }
     }
     let interrupted = progress::interrupt_flag()?;
@@ -177,7 +177,7 @@ fn train_group(
         report.write_html(&page, &(0..members.len()).map(section).collect::<Result<Vec<_>>>()?)?;
     }
     if !arguments.quiet {
-        println!(
+        tell!(
             "{}: {} materials, {} bytes, {} steps in {seconds:.1} s; mean |Δ ln(1+f)| {:.5}, mean ball SSIM {:.4}",
             output.display(),
             members.len(),
@@ -185,7 +185,7 @@ fn train_group(
             group.steps(),
             report.mean(|errors| errors.pairs.log),
             report.mean(|errors| errors.ball.ssim),
-        );
+        )?;
     }
     Ok(())
 }

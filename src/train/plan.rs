@@ -115,12 +115,14 @@ impl Plan {
             Quality::Default => (32_000 * more, 1024, 1 << 20),
             Quality::Best => (80_000 * more, 2048, 1 << 22),
         };
+        // Narrow anisotropic lobes gain much by several resolutions; isotropic ones lose a little of their albedo (docs/training.md).
+        let (resolutions, features) = if is_isotropic { (1, 12) } else { (3, 4) };
         let plan = Plan {
             model,
             recipe,
             n_side: [16; 2],
-            resolutions: 1,
-            features: if is_isotropic { 12 } else { 11 },
+            resolutions,
+            features,
             codes: [MOST_CODES; 2],
             surface: None,
             hidden: 64,
@@ -133,7 +135,8 @@ impl Plan {
             network_rate: 1e-2,
             table_rate: 3e-2,
         };
-        let papers_sizes = Plan { n_side: [64; 2], features: 16, corner_weights: CornerWeights::Uniform, ..plan };
+        let papers_sizes =
+            Plan { n_side: [64; 2], resolutions: 1, features: 16, corner_weights: CornerWeights::Uniform, ..plan };
         match recipe {
             Recipe::Default => plan,
             Recipe::Unquantised => papers_sizes,
@@ -176,7 +179,8 @@ impl Plan {
     /// or more a point.
     pub fn for_samples(self, count: usize) -> Plan {
         let n_side = (0..=4).map(|power| 1 << power).take_while(|n| 96 * n * n <= count as u32).last().unwrap_or(1);
-        Plan { n_side: self.n_side.map(|finest| finest.min(n_side)), ..self }
+        let resolutions = self.resolutions.min(n_side.ilog2() as usize + 1);
+        Plan { n_side: self.n_side.map(|finest| finest.min(n_side)), resolutions, ..self }
     }
 
     /// The same for each of `members` materials that share a codebook a hemisphere: `codes` codes, or what is enough for many. Of

@@ -10,7 +10,7 @@ use gpu_allocator::vulkan::{Allocator, AllocatorCreateDesc};
 use gpu_allocator::{AllocationSizes, AllocatorDebugSettings};
 use neubrdf::gpu::{Additions, Commands, Device, HostBuffer, HostDevice, HostImage, requirements};
 
-use crate::common::LAVAPIPE;
+use crate::common::{LAVAPIPE, alone_with_validation};
 
 type Messages = Mutex<Vec<String>>;
 
@@ -112,6 +112,7 @@ impl Host {
 
     /// A host on the device of that index.
     pub fn new(index: usize, wants_ray_query: bool) -> Host {
+        alone_with_validation();
         // SAFETY: every handle is made from the one before, and destroyed in `finish`.
         unsafe {
             let entry = ash::Entry::load().unwrap();

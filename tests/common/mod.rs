@@ -9,12 +9,12 @@ pub mod random_neubrdf;
 pub mod tables;
 
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use glam::{Affine3A, Vec2, Vec3};
 use neubrdf::gpu::{Device, DeviceChoice, Instance, Validation};
 use neubrdf::image::{Picture, plane};
-use neubrdf::render::{Limits, Options, Renderer, Settings, run};
+use neubrdf::render::{Limits, Options, Renderer, Settings, Traversal, run};
 use neubrdf::scene::{Camera, Color, Environment, Film, Fresnel, Instance as Placed, Material, Mesh, Scene, Surface};
 
 /// The names by which the two CPU drivers are found.
@@ -28,6 +28,16 @@ pub struct Driver {
 }
 
 impl Driver {
+    /// Whether it can find triangles that way. A GPU that takes lavapipe's place may lack ray query.
+    pub fn has(&self, traversal: Traversal) -> bool {
+        let is_there = traversal == Traversal::Bvh || self.device.has_ray_query();
+        assert!(is_there || !drivers_are_required(), "{} has no ray query", self.device.name());
+        if !is_there {
+            eprintln!("skipped: {} has no ray query", self.device.name());
+        }
+        is_there
+    }
+
     pub fn finish(self) {
         drop(self.device);
         assert_eq!(self.instance.validation_messages(), Vec::<String>::new());
@@ -39,11 +49,35 @@ pub fn drivers_are_required() -> bool {
     std::env::var_os("NEUBRDF_REQUIRE_DRIVERS").is_some()
 }
 
+/// By what name a device is opened: where `NEUBRDF_TEST_DEVICE` names one, a GPU say, tests of lavapipe take it instead.
+pub fn opened_as(name: &str) -> DeviceChoice {
+    let other = std::env::var("NEUBRDF_TEST_DEVICE").ok().filter(|_| name == LAVAPIPE);
+    DeviceChoice::Named(other.unwrap_or_else(|| name.to_owned()))
+}
+
+/// Waits until no other test uses the validation layer, and keeps it from all others until this test's thread ends.
+///
+/// The layer (Debian 12's, 1.3.239, as all of its time) finds its instances and devices in maps without a lock: while one test makes or destroys one
+/// of them, another that records a command may read what is being moved, and crash: one of 155 runs of tests/gpu.rs did.
+pub fn alone_with_validation() {
+    static LAYER: Mutex<()> = Mutex::new(());
+    thread_local! {
+        static TAKEN: MutexGuard<'static, ()> = LAYER.lock().unwrap_or_else(PoisonError::into_inner);
+    }
+    TAKEN.with(|_| ());
+}
+
+/// An instance under synchronization validation.
+pub fn validated() -> Result<Arc<Instance>, neubrdf::gpu::Error> {
+    alone_with_validation();
+    Instance::new(Validation::Sync)
+}
+
 /// The driver of that name. Where it is missing the test is to be skipped, unless drivers are required.
 pub fn driver(name: &str) -> Option<Driver> {
     let open = || -> Result<Driver, neubrdf::gpu::Error> {
-        let instance = Instance::new(Validation::Sync)?;
-        let device = instance.open(&DeviceChoice::Named(name.to_owned()))?;
+        let instance = validated()?;
+        let device = instance.open(&opened_as(name))?;
         Ok(Driver { device, instance })
     };
     match open() {
@@ -60,7 +94,7 @@ pub fn driver(name: &str) -> Option<Driver> {
 ///
 /// Without a loader or without the validation layer there is nothing to run on: the test says so and passes.
 pub fn on_every_device(check: impl Fn(&Arc<Device>)) {
-    let instance = match Instance::new(Validation::Sync) {
+    let instance = match validated() {
         Ok(instance) => instance,
         Err(error) if drivers_are_required() => panic!("a Vulkan driver is required here: {error}"),
         Err(error) => return eprintln!("skipped: {error}"),

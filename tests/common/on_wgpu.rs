@@ -10,7 +10,7 @@ use bytemuck::{AnyBitPattern, NoUninit};
 use neubrdf::export::{ENTRY_POINT, Exported, ExportedAnswer, ExportedQuery, Place};
 use wgpu::util::{BufferInitDescriptor, DeviceExt};
 
-use crate::common::{LAVAPIPE, drivers_are_required};
+use crate::common::{LAVAPIPE, alone_with_validation, drivers_are_required};
 
 /// Invocations of a workgroup.
 const WORKGROUP: u32 = 64;
@@ -107,6 +107,8 @@ fn after(place: Place, bindings: u32) -> Place {
 }
 
 fn lavapipe() -> Option<(wgpu::Device, wgpu::Queue)> {
+    // Built for tests, wgpu asks for validation.
+    alone_with_validation();
     let instance = wgpu::Instance::new(wgpu::InstanceDescriptor {
         backends: wgpu::Backends::VULKAN,
         ..wgpu::InstanceDescriptor::new_without_display_handle()
