@@ -6,7 +6,7 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use common::gpu_structs::*;
-use common::{alone_with_validation, on_every_device, validated};
+use common::{on_every_device, validated};
 use neubrdf::gpu::{
     Blas, BlasGeometry, Buffer, Commands, Device, DeviceChoice, Error, Instance, Kernel, KernelSource, Memory, Tlas,
     TlasInstance, Validation, spirv,
@@ -360,7 +360,6 @@ fn without_ray_query_acceleration_structures_are_refused() {
 
 #[test]
 fn devices_are_found_by_index_and_by_name() {
-    alone_with_validation();
     let instance = match Instance::new(Validation::Off) {
         Ok(instance) => instance,
         Err(error) => return eprintln!("skipped: {error}"),

@@ -73,7 +73,7 @@ impl Evaluations {
     }
 
     /// Evaluations of a run.
-    pub fn count(&self) -> usize {
+    fn count(&self) -> usize {
         2 * self.push.count as usize
     }
 
@@ -87,7 +87,6 @@ impl Evaluations {
     }
 
     /// Million evaluations a second on the clock.
-    #[allow(dead_code)] // the study asks for the device's own
     pub fn rate(&self, timing: &Timing) -> f64 {
         1e-6 * self.count() as f64 / timing.seconds
     }
@@ -97,7 +96,7 @@ impl Evaluations {
     pub fn own_rate(&self, timing: &Timing) -> f64 {
         match self.device.profile().is_cpu {
             true => 1e-6 * self.count() as f64 * cores() as f64 / timing.cpu_seconds,
-            false => 1e-6 * self.count() as f64 / timing.seconds,
+            false => self.rate(timing),
         }
     }
 }
