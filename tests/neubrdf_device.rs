@@ -7,46 +7,43 @@ use std::sync::Arc;
 
 use common::neubrdf_parity::{Deviation, TOLERANCE, compare, hard_directions};
 use common::random_neubrdf::{Shape, Stream, random_neubrdf, random_pack};
-use common::{LAVAPIPE, SWIFTSHADER, driver};
+use common::{LAVAPIPE, SWIFTSHADER, driver_for_kernels};
 use glam::{DVec3, Vec2, Vec3};
 use neubrdf::gpu::{Buffer, Commands, Device, Kernel, Memory, spirv};
 use neubrdf::render::{NeuBrdfPush, NeuBrdfQuery, NeuBrdfShape, NeuBrdfValues, pack_neubrdf, pack_neubrdf_models};
 use neubrdf::scene::brdf::{CornerWeights, Footprint, NeuBrdf, Precision, SamplingLobe};
 use rayon::prelude::*;
 
-fn evaluate(
-    device: &Arc<Device>,
-    brdf: &NeuBrdf,
-    shape: &NeuBrdfShape,
-    queries: &[NeuBrdfQuery],
-) -> Vec<NeuBrdfValues> {
-    evaluate_at(device, &pack_neubrdf(brdf, shape), 0, shape, queries)
+/// What evaluates models of one shape.
+struct Evaluation<'a> {
+    device: &'a Arc<Device>,
+    kernel: Kernel,
 }
 
-/// The model that begins at this word.
-fn evaluate_at(
-    device: &Arc<Device>,
-    words: &[u32],
-    first: usize,
-    shape: &NeuBrdfShape,
-    queries: &[NeuBrdfQuery],
-) -> Vec<NeuBrdfValues> {
-    let kernel = Kernel::new(device, spirv::load("eval_neubrdf").unwrap(), &shape.specialization()).unwrap();
-    let table = Buffer::with_data(device, "table", words).unwrap();
-    let input = Buffer::with_data(device, "queries", queries).unwrap();
-    let bytes = size_of::<NeuBrdfValues>() * queries.len();
-    let output = Buffer::new(device, "values", bytes as u64, Memory::Device).unwrap();
-    let mut commands = Commands::begin(device).unwrap();
-    let push = NeuBrdfPush {
-        table: table.address() + 4 * first as u64,
-        queries: input.address(),
-        results: output.address(),
-        count: queries.len() as u32,
-        padding: 0,
-    };
-    commands.dispatch(&kernel, kernel.groups_for(push.count), &push);
-    device.submit(commands).unwrap().wait().unwrap();
-    output.read().unwrap()
+impl<'a> Evaluation<'a> {
+    fn of(device: &'a Arc<Device>, shape: &NeuBrdfShape) -> Evaluation<'a> {
+        let kernel = Kernel::new(device, spirv::load("eval_neubrdf").unwrap(), &shape.specialization()).unwrap();
+        Evaluation { device, kernel }
+    }
+
+    /// The values of the model that begins at word `first` of a table.
+    fn values(&self, words: &[u32], first: usize, queries: &[NeuBrdfQuery]) -> Vec<NeuBrdfValues> {
+        let table = Buffer::with_data(self.device, "table", words).unwrap();
+        let input = Buffer::with_data(self.device, "queries", queries).unwrap();
+        let bytes = size_of::<NeuBrdfValues>() * queries.len();
+        let output = Buffer::new(self.device, "values", bytes as u64, Memory::Device).unwrap();
+        let mut commands = Commands::begin(self.device).unwrap();
+        let push = NeuBrdfPush {
+            table: table.address() + 4 * first as u64,
+            queries: input.address(),
+            results: output.address(),
+            count: queries.len() as u32,
+            padding: 0,
+        };
+        commands.dispatch(&self.kernel, self.kernel.groups_for(push.count), &push);
+        self.device.submit(commands).unwrap().wait().unwrap();
+        output.read().unwrap()
+    }
 }
 
 fn queries(n_side: u32, random_count: usize, hard_count: usize) -> Vec<NeuBrdfQuery> {
@@ -84,14 +81,20 @@ fn queries(n_side: u32, random_count: usize, hard_count: usize) -> Vec<NeuBrdfQu
     found
 }
 
-/// Both precisions, since numbers are such that f16 holds them.
-fn deviation(device: &Arc<Device>, brdf: &NeuBrdf, queries: &[NeuBrdfQuery]) -> Deviation {
-    let [values, halves] = [Precision::F32, Precision::F16]
-        .map(|precision| evaluate(device, brdf, &NeuBrdfShape::of([brdf], precision).on(device), queries));
-    let results = queries.par_iter().zip(values.par_iter().zip(&halves));
+/// Numbers are such that f16 holds them: all precisions give the same bits.
+fn deviation(device: &Arc<Device>, brdf: &NeuBrdf, queries: &[NeuBrdfQuery], precisions: &[Precision]) -> Deviation {
+    let evaluate = |precision: &Precision| {
+        let shape = NeuBrdfShape::of([brdf], *precision).on(device);
+        Evaluation::of(device, &shape).values(&pack_neubrdf(brdf, &shape), 0, queries)
+    };
+    let values: Vec<_> = precisions.iter().map(evaluate).collect();
+    for others in &values[1..] {
+        let same = |(a, b): (&NeuBrdfValues, &NeuBrdfValues)| [a.f_1, a.f_2] == [b.f_1, b.f_2];
+        assert!(values[0].iter().zip(others).all(same), "precisions differ");
+    }
+    let results = queries.par_iter().zip(&values[0]);
     results
-        .map(|(query, (values, halves))| {
-            assert_eq!([values.f_1, values.f_2], [halves.f_1, halves.f_2]);
+        .map(|(query, values)| {
             let numbers = values.f_1.iter().chain(&values.f_2);
             assert!(numbers.copied().all(|f| f.is_finite() && f >= 0.0), "{query:?} {values:?}");
             let NeuBrdfQuery { wo, wi_1, wi_2, uv, area } = *query;
@@ -185,9 +188,10 @@ fn models() -> Vec<(&'static str, Shape, usize, usize)> {
     ]
 }
 
-/// `share`: one of so many pairs. `is_small`: models are made small, for a driver that compiles slowly.
+/// `share`: one of so many pairs. `is_small`: models are made small, and read as files hold them, for a driver that compiles slowly.
 fn check(driver_name: &str, share: usize, is_small: bool) {
-    let Some(driver) = driver(driver_name) else { return };
+    let precisions = if is_small { &[Precision::F16][..] } else { &[Precision::F32, Precision::F16] };
+    let Some(driver) = driver_for_kernels(driver_name) else { return };
     let mut text = String::new();
     let mut holds = true;
     for (seed, (name, mut shape, random_count, hard_count)) in models().into_iter().enumerate() {
@@ -198,7 +202,7 @@ fn check(driver_name: &str, share: usize, is_small: bool) {
         }
         let brdf = random_neubrdf(shape, seed as u64);
         let queries = queries(shape.n_side, random_count / share, hard_count / share);
-        let found = deviation(&driver.device, &brdf, &queries);
+        let found = deviation(&driver.device, &brdf, &queries, precisions);
         writeln!(text, "{name}: {found:?}").unwrap();
         let has_steps = shape.is_pruned || shape.has_frames || shape.corner_weights == CornerWeights::Uniform;
         holds &= found.worst <= TOLERANCE && (has_steps || found.at_steps == 0);
@@ -213,18 +217,19 @@ fn check(driver_name: &str, share: usize, is_small: bool) {
 
 /// Members of a pack, which find their codes behind all models, have the values to the bit that they have alone.
 fn check_pack(driver_name: &str) {
-    let Some(driver) = driver(driver_name) else { return };
+    let Some(driver) = driver_for_kernels(driver_name) else { return };
     let shape = Shape { n_side: 16, features: 4, is_isotropic: true, is_pruned: true, hidden: &[8, 8], ..Shape::FULL };
     for shares_network in [false, true] {
         let pack = random_pack(shape, 4, shares_network);
         let models = || pack.materials.iter().map(|(_, member)| member);
         let kernel = NeuBrdfShape::of(models(), Precision::F16).on(&driver.device);
+        let evaluation = Evaluation::of(&driver.device, &kernel);
         let (words, firsts) = pack_neubrdf_models(models(), &kernel);
         let queries = queries(16, 300, 300);
         for (member, first) in models().zip(firsts) {
             let model = first as usize + SamplingLobe::FLOATS;
-            let values = evaluate_at(&driver.device, &words, model, &kernel, &queries);
-            let alone = evaluate(&driver.device, member, &kernel, &queries);
+            let values = evaluation.values(&words, model, &queries);
+            let alone = evaluation.values(&pack_neubrdf(member, &kernel), 0, &queries);
             for (query, (values, alone)) in queries.iter().zip(values.iter().zip(&alone)) {
                 assert_eq!([values.f_1, values.f_2], [alone.f_1, alone.f_2]);
                 assert!(compare(member, Footprint::WHOLE, query.wo, query.wi_1, values.f_1).worst <= TOLERANCE);

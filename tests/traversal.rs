@@ -5,7 +5,7 @@ mod common;
 use std::f32::consts::{PI, TAU};
 use std::path::Path;
 
-use common::{LAVAPIPE, SWIFTSHADER, driver};
+use common::{LAVAPIPE, SWIFTSHADER, driver_for_kernels, on_both_drivers};
 use glam::{Affine3A, DAffine3, Mat3, Quat, Vec3};
 use neubrdf::render::bvh::{Bvh, Intersection, LEAF, LEAF_COUNT_SHIFT, MAX_STACK, NO_CHILD, TriangleRay};
 use neubrdf::render::{Intersector, Query, Ray, RayHit, Traversal};
@@ -294,7 +294,7 @@ fn compare(scene: &Scene, intersector: &Intersector, count: usize, seed: u64) ->
 ///
 /// Rays a scene: of generated ones, of those that the project ships, of real meshes.
 fn compare_all(driver_name: &str, traversal: Traversal, [generated, shipped, real]: [usize; 3]) {
-    let Some(driver) = driver(driver_name).filter(|driver| driver.has(traversal)) else { return };
+    let Some(driver) = driver_for_kernels(driver_name).filter(|driver| driver.has(traversal)) else { return };
     let made = [alone(sphere(40)), alone(soup(2000)), alone(room()), crowd(1), crowd(40)];
     let found = ["spot.obj", "teapot.obj", "stanford-bunny.obj"].into_iter().filter_map(found).map(alone);
     let ours = common::shipped_scenes().into_iter().map(|path| Scene::load(path).unwrap().0);
@@ -336,12 +336,12 @@ fn the_bvh_on_swiftshader_finds_what_the_cpu_finds() {
 
 #[test]
 fn invocations_that_walk_alone_as_on_gpus_find_what_packets_find() {
-    for (name, count) in [(LAVAPIPE, 200_000), (SWIFTSHADER, 10_000)] {
-        let Some(driver) = driver(name) else { continue };
+    on_both_drivers(|device, name| {
+        let count = if name == LAVAPIPE { 200_000 } else { 10_000 };
         for scene in [alone(sphere(40)), alone(soup(2000)), crowd(40)] {
             let rays = rays(&scene, count, 9);
-            let packets = Intersector::new(&driver.device, &scene, Traversal::Bvh).unwrap();
-            let lone = Intersector::alone(&driver.device, &scene).unwrap();
+            let packets = Intersector::new(device, &scene, Traversal::Bvh).unwrap();
+            let lone = Intersector::alone(device, &scene).unwrap();
             for query in [Query::Closest, Query::Any] {
                 let [expected, found] = [&packets, &lone].map(|intersector| intersector.hits(&rays, query).unwrap());
                 let differ = (0..count).filter(|i| expected[*i].instance != found[*i].instance).count();
@@ -351,8 +351,7 @@ fn invocations_that_walk_alone_as_on_gpus_find_what_packets_find() {
                 assert!(expected.iter().map(is_hit).eq(found.iter().map(is_hit)), "{name}, {query:?}");
             }
         }
-        driver.finish();
-    }
+    });
 }
 
 #[test]
@@ -374,9 +373,8 @@ fn rays_of_numbers_that_are_none_meet_nothing_and_harm_no_others() {
             _ => ray.direction[index % 3] = poison,
         }
     }
-    for name in [LAVAPIPE, SWIFTSHADER] {
-        let Some(driver) = driver(name) else { continue };
-        let intersector = Intersector::new(&driver.device, &scene, Traversal::Bvh).unwrap();
+    on_both_drivers(|device, name| {
+        let intersector = Intersector::new(device, &scene, Traversal::Bvh).unwrap();
         let expected = intersector.hits(&sound, Query::Closest).unwrap();
         let found = intersector.hits(&mixed, Query::Closest).unwrap();
         for (index, (expected, found)) in expected.iter().zip(&found).enumerate() {
@@ -386,9 +384,7 @@ fn rays_of_numbers_that_are_none_meet_nothing_and_harm_no_others() {
                 assert_eq!(found, expected, "{name}: {:?}", mixed[index]);
             }
         }
-        drop(intersector);
-        driver.finish();
-    }
+    });
 }
 
 #[test]
@@ -409,17 +405,15 @@ fn no_ray_leaves_a_closed_mesh() {
         })
         .collect();
     let scene = alone(mesh);
-    for (name, count) in [(LAVAPIPE, rays.len()), (SWIFTSHADER, 20_000)] {
-        let Some(driver) = driver(name) else { continue };
-        let intersector = Intersector::new(&driver.device, &scene, Traversal::Bvh).unwrap();
+    on_both_drivers(|device, name| {
+        let count = if name == LAVAPIPE { rays.len() } else { 20_000 };
+        let intersector = Intersector::new(device, &scene, Traversal::Bvh).unwrap();
         for query in [Query::Closest, Query::Any] {
             let hits = intersector.hits(&rays[..count], query).unwrap();
             let leaks = hits.iter().filter(|hit| hit.instance == RayHit::NONE).count();
             assert_eq!(leaks, 0, "{name}, {query:?}");
         }
-        drop(intersector);
-        driver.finish();
-    }
+    });
 }
 
 /// Every triangle is in one leaf and in all boxes above it, and walks find what trying all triangles finds.

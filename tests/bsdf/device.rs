@@ -5,6 +5,7 @@
 //! no arithmetic in `f32` can do that; there the shader has to be exact for an input a few ulp away: it may differ by
 //! [`ULPS`] times the sum of what an ulp in each input changes.
 
+use std::collections::HashMap;
 use std::sync::Arc;
 
 use glam::{DVec3, Vec3};
@@ -16,7 +17,7 @@ use neubrdf::scene::{Brdf, Material, Surface};
 use rayon::prelude::*;
 
 use crate::common::bsdf_structs::{BsdfTestCase, BsdfTestPush, BsdfTestResult};
-use crate::common::{LAVAPIPE, SWIFTSHADER, driver};
+use crate::common::{LAVAPIPE, on_both_drivers};
 use crate::configurations::{self, Configuration, coated, describe, diffuse, glass, gold, schlick};
 use crate::networks;
 use crate::sampling::{Histogram, SAMPLES, hard_direction, judge, write_evidence};
@@ -38,35 +39,34 @@ fn least_value(bsdf: &Bsdf) -> f64 {
     if matches!(bsdf, Bsdf::LobeSampled(_)) { 1e-3 } else { TINY }
 }
 
-/// Runs a check on lavapipe and on SwiftShader, under validation, with a short name for each.
-pub fn on_both_drivers(check: impl Fn(&Arc<Device>, &str)) {
-    for name in [LAVAPIPE, SWIFTSHADER] {
-        if let Some(driver) = driver(name) {
-            check(&driver.device, &name.to_lowercase());
-            driver.finish();
-        }
-    }
-}
+/// The kernels of a device that were built so far, by name and constants: drivers take seconds for one.
+type Kernels = HashMap<(String, [(u32, u32); 9]), Arc<Kernel>>;
 
 /// A family's test kernel and the surfaces that it knows.
 pub struct Shader {
     device: Arc<Device>,
-    kernel: Kernel,
+    kernel: Arc<Kernel>,
     materials: Buffer,
     _tables: Vec<Buffer>,
 }
 
 impl Shader {
     pub fn new(device: &Arc<Device>, surfaces: &[Surface], brdfs: &[Arc<Brdf>]) -> Shader {
+        Shader::with(&mut Kernels::new(), device, surfaces, brdfs)
+    }
+
+    /// The same with a kernel that may have been built before.
+    fn with(kernels: &mut Kernels, device: &Arc<Device>, surfaces: &[Surface], brdfs: &[Arc<Brdf>]) -> Shader {
         let kernel_name = format!("test_bsdf_{}", family(&surfaces[0], brdfs).name());
         let packed = MaterialTable::new(&surfaces.iter().map(as_material).collect::<Vec<_>>(), brdfs, Precision::F32);
         let upload = |table: &Vec<u32>| Buffer::with_data(device, "material table", table).unwrap();
         let tables: Vec<Buffer> = packed.tables.iter().map(upload).collect();
         let addresses: Vec<u64> = tables.iter().map(Buffer::address).collect();
         let materials = Buffer::with_data(device, "materials", &packed.records(&addresses)).unwrap();
-        let kernel =
-            Kernel::new(device, spirv::load(&kernel_name).unwrap(), &packed.neubrdf_shape.on(device).specialization())
-                .unwrap();
+        let constants = packed.neubrdf_shape.on(device).specialization();
+        let source = spirv::load(&kernel_name).unwrap();
+        let build = || Arc::new(Kernel::new(device, source, &constants).unwrap());
+        let kernel = kernels.entry((kernel_name, constants)).or_insert_with(build).clone();
         Shader { device: device.clone(), kernel, materials, _tables: tables }
     }
 
@@ -428,9 +428,11 @@ fn check_samples(evidence: &str, configurations: &[Configuration], steps: [usize
             name == LAVAPIPE || !configuration.brdfs.iter().any(|brdf| matches!(**brdf, Brdf::NeuBrdf(_)))
         };
         let chosen: Vec<_> = configurations.iter().enumerate().step_by(step).filter(is_fit).collect();
+        let mut kernels = Kernels::new();
         let histogram = |&(index, configuration): &(usize, &Configuration)| {
             let mut random = Random(5000 + index as u64);
-            let shader = Shader::new(device, std::slice::from_ref(&configuration.surface), &configuration.brdfs);
+            let surface = std::slice::from_ref(&configuration.surface);
+            let shader = Shader::with(&mut kernels, device, surface, &configuration.brdfs);
             let wo = configuration.wo.as_vec3().as_dvec3();
             let cases: Vec<_> = (0..SAMPLES).map(|_| case(0, wo, DVec3::Z, random.units())).collect();
             let mut histogram = Histogram::new(configuration);

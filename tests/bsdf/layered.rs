@@ -8,8 +8,9 @@ use neubrdf::material::{Bsdf, LayeredWalk, Prepared, fresnel_dielectric};
 use neubrdf::scene::{Layered, Surface};
 use rayon::prelude::*;
 
+use crate::common::on_both_drivers;
 use crate::configurations::{describe, direction};
-use crate::device::{Shader, case, on_both_drivers};
+use crate::device::{Shader, case};
 use crate::sampling::{SIGNIFICANCE, write_evidence};
 use crate::sphere::Random;
 use crate::truths::{lacquer, layered, varnish};

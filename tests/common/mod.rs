@@ -73,10 +73,34 @@ pub fn validated() -> Result<Arc<Instance>, neubrdf::gpu::Error> {
     Instance::new(Validation::Sync)
 }
 
-/// The driver of that name. Where it is missing the test is to be skipped, unless drivers are required.
+/// The driver of that name, under validation. Where it is missing the test is to be skipped, unless drivers are required.
 pub fn driver(name: &str) -> Option<Driver> {
+    driver_within(name, validated)
+}
+
+/// The same for a test of kernels, without the layer on SwiftShader: its compiler takes long, and nobody else could use the layer meanwhile.
+/// What the layer would see there is what it sees on lavapipe.
+pub fn driver_for_kernels(name: &str) -> Option<Driver> {
+    driver_within(name, if name == SWIFTSHADER { || Instance::new(Validation::Off) } else { validated })
+}
+
+/// Runs a check of kernels on lavapipe and on SwiftShader, side by side.
+pub fn on_both_drivers(check: impl Fn(&Arc<Device>, &str) + Sync) {
+    let run = |name: &str| {
+        if let Some(driver) = driver_for_kernels(name) {
+            check(&driver.device, name);
+            driver.finish();
+        }
+    };
+    std::thread::scope(|scope| {
+        scope.spawn(|| run(SWIFTSHADER));
+        run(LAVAPIPE);
+    });
+}
+
+fn driver_within(name: &str, instance: fn() -> Result<Arc<Instance>, neubrdf::gpu::Error>) -> Option<Driver> {
     let open = || -> Result<Driver, neubrdf::gpu::Error> {
-        let instance = validated()?;
+        let instance = instance()?;
         let device = instance.open(&opened_as(name))?;
         Ok(Driver { device, instance })
     };
