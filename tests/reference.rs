@@ -1,7 +1,10 @@
 //! The reference against radiance that is known exactly.
 #![cfg(feature = "embree")]
 
+mod common;
+
 use std::f64::consts::PI;
+use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
 use glam::{Affine3A, DVec3, Quat, Vec2, Vec3};
@@ -10,7 +13,7 @@ use neubrdf::image::{Crop, Picture, plane};
 use neubrdf::material::{Conductor, Ggx, Reflectance};
 use neubrdf::reference::{Ray, Reference, ReferenceOptions, TraceMode};
 use neubrdf::scene::{
-    Camera, Color, Environment, Film, Fresnel, Instance, Lens, Material, Mesh, Scene, Sun, Surface, Texture,
+    Brdf, Camera, Color, Environment, Film, Fresnel, Instance, Lens, Material, Mesh, Scene, Sun, Surface, Texture,
 };
 
 const GREY: Vec3 = Vec3::new(0.8, 0.5, 0.2);
@@ -365,25 +368,42 @@ fn room() -> Scene {
     Scene { film: Film { width: 32, height: 24 }, ..room }
 }
 
+/// The same with networks on the walls, the block and the sphere.
+fn neural_room() -> Scene {
+    let neubrdfs = common::networks::neubrdfs();
+    let brdfs = vec![
+        neubrdfs[2].1.clone(),
+        Arc::new(Brdf::Nbrdf(common::networks::made(0.2, 0.3, 0.2))),
+        neubrdfs[0].1.clone(),
+    ];
+    let mut room = Scene { brdfs, ..room() };
+    for (brdf, material) in [0, 2, 3].into_iter().enumerate() {
+        room.materials[material] = surface(Surface::Measured { brdf: brdf as u32 });
+    }
+    room
+}
+
+/// Nor do the paths that share an evaluation of a network: they are others by other threads and crops.
 #[test]
 fn the_seed_decides_not_the_threads_nor_the_crop() {
-    let scene = room();
-    let pool = |threads| rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-    let single = pool(1).install(|| render(&scene, 8, 8, 7));
-    assert_eq!(single, pool(3).install(|| render(&scene, 8, 8, 7)));
-    assert_ne!(single, render(&scene, 8, 8, 8));
+    for scene in [room(), neural_room()] {
+        let pool = |threads| rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        let single = pool(1).install(|| render(&scene, 8, 8, 7));
+        assert_eq!(single, pool(3).install(|| render(&scene, 8, 8, 7)));
+        assert_ne!(single, render(&scene, 8, 8, 8));
 
-    let crop = Crop { x: 5, y: 7, width: 11, height: 3 };
-    let options = ReferenceOptions { spp: 8, seed: 7, max_depth: 8, crop: Some(crop) };
-    let reference = Reference::new(&scene).unwrap();
-    let (part, statistics) = reference.render(&options, |_| (), &AtomicBool::new(false)).unwrap();
-    assert_eq!((statistics.samples, statistics.least_spp), (8 * 33, 8));
-    let (whole, part) = (single.rgb(plane::BEAUTY).unwrap(), part.rgb(plane::BEAUTY).unwrap());
-    for row in 0..3 {
-        assert_eq!(part[row * 11..][..11], whole[(row + 7) * 32 + 5..][..11]);
+        let crop = Crop { x: 5, y: 7, width: 11, height: 3 };
+        let options = ReferenceOptions { spp: 8, seed: 7, max_depth: 8, crop: Some(crop) };
+        let reference = Reference::new(&scene).unwrap();
+        let (part, statistics) = reference.render(&options, |_| (), &AtomicBool::new(false)).unwrap();
+        assert_eq!((statistics.samples, statistics.least_spp), (8 * 33, 8));
+        let (whole, part) = (single.rgb(plane::BEAUTY).unwrap(), part.rgb(plane::BEAUTY).unwrap());
+        for row in 0..3 {
+            assert_eq!(part[row * 11..][..11], whole[(row + 7) * 32 + 5..][..11]);
+        }
+        let outside = ReferenceOptions { crop: Some(Crop { x: 30, ..crop }), ..options };
+        assert!(reference.render(&outside, |_| (), &AtomicBool::new(false)).is_err());
     }
-    let outside = ReferenceOptions { crop: Some(Crop { x: 30, ..crop }), ..options };
-    assert!(reference.render(&outside, |_| (), &AtomicBool::new(false)).is_err());
 }
 
 #[test]

@@ -12,6 +12,17 @@ use super::{BsdfSample, Ggx, MIN_COSINE, both_above, reflect};
 use crate::scene::SamplingLobe;
 use crate::scene::brdf::{Footprint, SurfaceFrame};
 
+/// What is asked of a BRDF.
+#[derive(Clone, Copy, Debug)]
+pub struct Query {
+    /// Where, if it varies.
+    pub footprint: Footprint,
+    /// Towards the viewer.
+    pub wo: DVec3,
+    /// Towards the light.
+    pub wi: DVec3,
+}
+
 /// The values of a BRDF.
 pub trait Evaluate: Debug + Send + Sync {
     /// f(wo, wi) in sr⁻¹, without the cosine, finite and not negative; a pure function. Both directions are above the
@@ -21,6 +32,16 @@ pub trait Evaluate: Debug + Send + Sync {
     /// The same as seen at a place of a surface that varies. Others are the same everywhere.
     fn eval_at(&self, _footprint: Footprint, wo: DVec3, wi: DVec3) -> DVec3 {
         self.eval(wo, wi)
+    }
+
+    /// The same of each query, but for rounding.
+    fn eval_many(&self, queries: &[Query]) -> Vec<DVec3> {
+        queries.iter().map(|query| self.eval_at(query.footprint, query.wo, query.wi)).collect()
+    }
+
+    /// Whether many evaluations together take less time than one by one.
+    fn gains_from_many(&self) -> bool {
+        false
     }
 
     /// Whether [`Evaluate::eval_at`] hangs on the place; [`Evaluate::eval`] then is the average.
@@ -53,10 +74,16 @@ pub struct LobeSampled<'a> {
     pub footprint: Footprint,
 }
 
-impl LobeSampled<'_> {
+impl<'a> LobeSampled<'a> {
     /// See [`super::Bsdf::eval`].
     pub fn eval(&self, wo: DVec3, wi: DVec3) -> DVec3 {
         if both_above(wo, wi) { self.brdf.eval_at(self.footprint, wo, wi) } else { DVec3::ZERO }
+    }
+
+    /// See [`super::Bsdf::query`].
+    pub fn query(&self, wo: DVec3, wi: DVec3) -> Option<(&'a dyn Evaluate, Query)> {
+        let gains = self.brdf.gains_from_many() && both_above(wo, wi);
+        gains.then_some((self.brdf, Query { footprint: self.footprint, wo, wi }))
     }
 
     /// See [`super::Bsdf::pdf`].
@@ -73,6 +100,12 @@ impl LobeSampled<'_> {
 
     /// See [`super::Bsdf::sample`].
     pub fn sample(&self, wo: DVec3, u: [f64; 3]) -> Option<BsdfSample> {
+        let picked = self.pick(wo, u)?;
+        Some(BsdfSample { weight: picked.weight * self.eval(wo, picked.wi), ..picked })
+    }
+
+    /// The same, with a weight that f(wo, wi) is still to be multiplied to.
+    pub fn pick(&self, wo: DVec3, u: [f64; 3]) -> Option<BsdfSample> {
         if wo.z < MIN_COSINE {
             return None;
         }
@@ -86,7 +119,7 @@ impl LobeSampled<'_> {
             sample_cosine_hemisphere([u[0], u[1]])
         };
         let pdf = self.pdf(wo, wi);
-        (pdf > 0.0).then(|| BsdfSample { wi, weight: self.eval(wo, wi) * (wi.z / pdf), pdf, is_delta: false })
+        (pdf > 0.0).then(|| BsdfSample { wi, weight: DVec3::splat(wi.z / pdf), pdf, is_delta: false })
     }
 }
 

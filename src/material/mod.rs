@@ -22,6 +22,7 @@ mod lobe_sampled;
 mod measured_surface;
 mod merl;
 mod nbrdf;
+mod network;
 mod neubrdf;
 mod prepared;
 mod rgl;
@@ -46,7 +47,7 @@ pub use fresnel::{fresnel_complex, fresnel_dielectric, fresnel_dielectric_averag
 pub use ggx::Ggx;
 pub use layered::LayeredWalk;
 pub use lobe_fit::fit_lobe;
-pub use lobe_sampled::{Evaluate, LobeSampled};
+pub use lobe_sampled::{Evaluate, LobeSampled, Query};
 pub use measured_surface::TexelSamples;
 pub use nbrdf::LARGEST_OUTPUT as NBRDF_LARGEST_OUTPUT;
 pub use neubrdf::turned;
@@ -127,6 +128,11 @@ impl<'a> Bsdf<'a> {
             Bsdf::Coated(coated) => coated.eval(wo, wi),
             Bsdf::LobeSampled(sampled) => sampled.eval(wo, wi),
         }
+    }
+
+    /// Whom to ask for f(wo, wi) instead, and what, to have many values at once ([`Evaluate::eval_many`]); `None` where that gains nothing.
+    pub fn query(&self, wo: DVec3, wi: DVec3) -> Option<(&'a dyn Evaluate, Query)> {
+        if let Bsdf::LobeSampled(sampled) = self { sampled.query(wo, wi) } else { None }
     }
 
     /// The density, in sr⁻¹, with which [`Bsdf::sample`] picks `wi`, Dirac lobes aside.

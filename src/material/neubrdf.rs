@@ -2,7 +2,9 @@
 
 use glam::DVec3;
 
-use crate::scene::brdf::{Codebook, CornerWeights, Footprint, NeuBrdf, POLE, SphereTable, SurfaceTable};
+use super::Query;
+use super::network::outputs;
+use crate::scene::brdf::{Codebook, Encoding, Footprint, NeuBrdf, POLE};
 
 impl NeuBrdf {
     /// f(wo, wi), see [`super::Evaluate::eval`]; of a material that varies, its average.
@@ -17,28 +19,53 @@ impl NeuBrdf {
 
     /// f(wo, wi) as seen at a place.
     pub fn eval_at(&self, footprint: Footprint, wo: DVec3, wi: DVec3) -> DVec3 {
-        let frame = self.surface.as_ref().and_then(|surface| surface.frame(footprint));
-        match frame.map(|frame| frame.turned(wo, wi)) {
-            None => self.eval_in_frame(footprint, wo, wi),
-            Some(None) => DVec3::ZERO,
-            Some(Some(([wo, wi], received))) => received * self.eval_in_frame(footprint, wo, wi),
+        let (mut x, received) = self.inputs(Query { footprint, wo, wi });
+        if received == 0.0 {
+            return DVec3::ZERO;
         }
-    }
-
-    /// What the network says of directions about the frame of the place.
-    fn eval_in_frame(&self, footprint: Footprint, wo: DVec3, wi: DVec3) -> DVec3 {
-        let [wo, wi] = if self.is_isotropic { turned(wo, wi) } else { [wo, wi] };
-        let directions = [wi, wo].into_iter().cycle();
-        let of_direction = |(table, w)| features(table, w, self.corner_weights);
-        let mut x: Vec<f64> = self.hemispheres().zip(directions).flat_map(of_direction).collect();
-        x.extend(self.surface.iter().flat_map(|surface| surface_features(surface, footprint)));
         for (index, layer) in self.layers.iter().enumerate() {
             let rows = layer.weights.chunks_exact(layer.inputs as usize).zip(&layer.bias);
             let y: Vec<f64> = rows.map(|(row, bias)| dot(row, &x) + f64::from(*bias)).collect();
             x = if index + 1 < self.layers.len() { y.into_iter().map(|y| y.max(0.0)).collect() } else { y };
         }
-        let [gain, scale, max] = [self.encoding.gain, self.encoding.scale, self.encoding.max].map(f64::from);
-        DVec3::from_slice(&x).map(|y| ((scale * y).exp_m1() / gain).clamp(0.0, max))
+        received * self.encoding.decode(DVec3::from_slice(&x))
+    }
+
+    /// f(wo, wi) of each query, with the network's products taken for many together.
+    pub fn eval_many(&self, queries: &[Query]) -> Vec<DVec3> {
+        let (inputs, received): (Vec<_>, Vec<_>) = queries.iter().map(|query| self.inputs(*query)).unzip();
+        let values = outputs(&self.layers, &inputs).into_iter().zip(received);
+        values.map(|(y, received)| received * self.encoding.decode(y)).collect()
+    }
+
+    /// What the network sees of directions about the frame of the place, and what that receives of the light: nothing from below.
+    fn inputs(&self, Query { footprint, wo, wi }: Query) -> (Vec<f64>, f64) {
+        let frame = self.surface.as_ref().and_then(|surface| surface.frame(footprint));
+        let ([wo, wi], received) = match frame.map(|frame| frame.turned(wo, wi)) {
+            None => ([wo, wi], 1.0),
+            Some(turned) => turned.unwrap_or(([wo, wi], 0.0)),
+        };
+        let [wo, wi] = if self.is_isotropic { turned(wo, wi) } else { [wo, wi] };
+        let mut x = Vec::new();
+        for (table, w) in self.hemispheres().zip([wi, wo].into_iter().cycle()) {
+            let gathered = table.gather(w, self.corner_weights);
+            let corners = gathered.points.into_iter().zip(gathered.weights);
+            push_weighted_sum(&mut x, &table.codebook, &table.indices, corners);
+        }
+        if let Some(surface) = &self.surface {
+            let gathered = surface.grid.gather(footprint);
+            let texels = gathered.points.into_iter().zip(gathered.weights);
+            push_weighted_sum(&mut x, &surface.codebook, &surface.indices, texels);
+        }
+        (x, received)
+    }
+}
+
+impl Encoding {
+    /// The BRDF, in sr⁻¹, that outputs stand for.
+    pub fn decode(&self, y: DVec3) -> DVec3 {
+        let [gain, scale, max] = [self.gain, self.scale, self.max].map(f64::from);
+        y.map(|y| ((scale * y).exp_m1() / gain).clamp(0.0, max))
     }
 }
 
@@ -53,30 +80,17 @@ fn dot(weights: &[f32], x: &[f64]) -> f64 {
     sums.iter().sum()
 }
 
-/// The weighted sum of the codes at the corners of the pixel of `w`.
-fn features(table: &SphereTable, w: DVec3, corner_weights: CornerWeights) -> Vec<f64> {
-    let gathered = table.gather(w, corner_weights);
-    let corners = gathered.points.into_iter().zip(gathered.weights);
-    weighted_sum(&table.codebook, &table.indices, corners)
-}
-
-/// The same of the texels about a place.
-fn surface_features(table: &SurfaceTable, footprint: Footprint) -> Vec<f64> {
-    let gathered = table.grid.gather(footprint);
-    let texels = gathered.points.into_iter().zip(gathered.weights);
-    weighted_sum(&table.codebook, &table.indices, texels)
-}
-
-fn weighted_sum(codebook: &Codebook, indices: &[u16], points: impl Iterator<Item = (u32, f64)>) -> Vec<f64> {
+/// Adds the weighted sum of the codes at some points to the end of `x`.
+fn push_weighted_sum(x: &mut Vec<f64>, codebook: &Codebook, indices: &[u16], points: impl Iterator<Item = (u32, f64)>) {
     let count = codebook.features as usize;
-    let mut sum = vec![0.0; count];
+    let start = x.len();
+    x.resize(start + count, 0.0);
     for (point, weight) in points {
         let code = usize::from(indices[point as usize]) * count;
-        for (sum, feature) in sum.iter_mut().zip(&codebook.codes[code..code + count]) {
+        for (sum, feature) in x[start..].iter_mut().zip(&codebook.codes[code..code + count]) {
             *sum += weight * f64::from(*feature);
         }
     }
-    sum
 }
 
 /// `wo` and `wi` turned about z, and mirrored, so that `wi` has the azimuth 0 and `wo` one in [0, π]; 0 where either is the pole.

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use glam::{DVec3, Vec2};
 
-use super::{CoatAlbedo, Dielectric, Evaluate, Ggx, LayeredWalk, fit_lobe};
+use super::{CoatAlbedo, Dielectric, Evaluate, Ggx, LayeredWalk, Query, fit_lobe};
 use crate::scene::brdf::{Footprint, SurfaceFrame};
 use crate::scene::{Brdf, Fresnel, Material, SamplingLobe, Surface};
 
@@ -123,6 +123,17 @@ impl Evaluate for Brdf {
             Brdf::NeuBrdf(neubrdf) => neubrdf.eval_at(footprint, wo, wi),
             _ => self.eval(wo, wi),
         }
+    }
+
+    fn eval_many(&self, queries: &[Query]) -> Vec<DVec3> {
+        match self {
+            Brdf::NeuBrdf(neubrdf) => neubrdf.eval_many(queries),
+            _ => queries.iter().map(|query| self.eval(query.wo, query.wi)).collect(),
+        }
+    }
+
+    fn gains_from_many(&self) -> bool {
+        matches!(self, Brdf::NeuBrdf(_))
     }
 
     fn is_spatial(&self) -> bool {

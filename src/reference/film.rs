@@ -4,6 +4,15 @@ use glam::DVec3;
 
 use crate::image::{Picture, Samples, plane};
 
+/// Rays traced.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct RayCount {
+    /// For a closest hit.
+    pub closest: u64,
+    /// For visibility.
+    pub shadow: u64,
+}
+
 /// One sample of a pixel.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Sample {
@@ -13,6 +22,8 @@ pub struct Sample {
     pub albedo: DVec3,
     /// Shading normal of what is seen first; 0 for nothing.
     pub normal: DVec3,
+    /// What it took.
+    pub rays: RayCount,
 }
 
 /// A pixel's running mean and sum of squared deviations (Welford 1962): exact for constant radiance.

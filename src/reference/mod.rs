@@ -6,7 +6,7 @@
 //! next-event estimation, multiple importance sampling by the balance heuristic, and Russian roulette.
 //!
 //! Its pictures have the planes of [`image::plane`](crate::image::plane), variance included, and depend on the seed, not
-//! on the number of threads.
+//! on the number of threads. Values of networks are taken for many paths at a time.
 #![allow(unsafe_code)]
 
 mod camera;
@@ -16,6 +16,7 @@ mod lights;
 mod path;
 mod random;
 mod surface;
+mod values;
 
 use std::borrow::Cow;
 use std::sync::Arc;
@@ -27,13 +28,17 @@ use rayon::prelude::*;
 
 use self::camera::View;
 pub use self::embree::{Accelerator, Hit, Ray, TraceMode};
-use self::film::PixelSums;
+use self::film::{PixelSums, RayCount};
 use self::lights::Lights;
 use self::random::Random;
 use self::surface::Placement;
+use self::values::Values;
 use crate::image::{Crop, Metadata, Picture};
 use crate::material::Prepared;
 use crate::scene::{Camera, Scene};
+
+/// Paths that are on their way together, a thread: enough for networks to be evaluated at many directions, few enough for the caches.
+const PATHS: usize = 1024;
 
 /// What can go wrong.
 #[derive(Debug, thiserror::Error)]
@@ -147,13 +152,24 @@ impl<'a> Reference<'a> {
                 if stop.load(Ordering::Relaxed) {
                     return;
                 }
-                let mut rays = path::RayCount::default();
-                for (column, pixel_sums) in pixels.iter_mut().enumerate() {
-                    let pixel = [crop.x + column as u32, crop.y + row as u32];
-                    for sample in samples.clone() {
-                        let index = u64::from(pixel[1]) * u64::from(film.width) + u64::from(pixel[0]);
-                        let mut random = Random::new(options.seed, index, u64::from(sample));
-                        pixel_sums.add(&self.sample(pixel, options.max_depth, &mut random, &mut rays));
+                let y = crop.y + row as u32;
+                let values = Values::default();
+                let path = |(x, sample): (u32, u32)| {
+                    let index = u64::from(y) * u64::from(film.width) + u64::from(x);
+                    let random = Random::new(options.seed, index, sample.into());
+                    self.path([x, y], options.max_depth, random, &values)
+                };
+                let mut rays = RayCount::default();
+                let together = PATHS.div_ceil(samples.len());
+                for (pixels, x) in pixels.chunks_mut(together).zip((crop.x..).step_by(together)) {
+                    let of_pixel = |x| samples.clone().map(move |sample| (x, sample));
+                    let paths = (x..).take(pixels.len()).flat_map(of_pixel).map(path);
+                    for (sums, samples) in pixels.iter_mut().zip(values.all(paths).chunks(samples.len())) {
+                        for sample in samples {
+                            sums.add(sample);
+                            rays.closest += sample.rays.closest;
+                            rays.shadow += sample.rays.shadow;
+                        }
                     }
                 }
                 closest_rays.fetch_add(rays.closest, Ordering::Relaxed);

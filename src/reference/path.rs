@@ -4,26 +4,30 @@ use glam::{DVec2, DVec3, Vec3};
 
 use super::Reference;
 use super::embree::{Hit, Ray};
-use super::film::Sample;
+use super::film::{RayCount, Sample};
 use super::lights::{LightSample, Source};
 use super::random::Random;
 use super::surface::{SurfacePoint, leave};
+use super::values::{Path, Values};
 use crate::image::{Crop, Picture, Samples, plane};
 use crate::material::Bsdf;
 
 /// Paths longer than this many segments play Russian roulette.
 const ROULETTE_AFTER: u32 = 3;
 
-/// Rays traced.
-#[derive(Default)]
-pub struct RayCount {
-    pub closest: u64,
-    pub shadow: u64,
-}
-
 impl Reference<'_> {
     /// One sample of a pixel.
-    pub(super) fn sample(&self, pixel: [u32; 2], max_depth: u32, random: &mut Random, rays: &mut RayCount) -> Sample {
+    pub(super) fn path<'s: 'p, 'p>(
+        &'s self,
+        pixel: [u32; 2],
+        max_depth: u32,
+        random: Random,
+        values: &'p Values<'s>,
+    ) -> Path<'p> {
+        Box::pin(self.sample(pixel, max_depth, random, values))
+    }
+
+    async fn sample<'s>(&'s self, pixel: [u32; 2], max_depth: u32, mut random: Random, values: &Values<'s>) -> Sample {
         let jitter = DVec2::new(random.uniform(), random.uniform());
         let position = DVec2::new(pixel[0].into(), pixel[1].into()) + jitter;
         let lens = self.view.has_lens().then(|| DVec2::new(random.uniform(), random.uniform()));
@@ -37,7 +41,7 @@ impl Reference<'_> {
         let mut picked_with: Option<f64> = None;
 
         for segment in 1..=max_depth {
-            rays.closest += 1;
+            sample.rays.closest += 1;
             let Some((point, distance_squared)) = self.closest(origin, direction) else {
                 let radiance = self.sky(direction);
                 let weight = picked_with.map_or(1.0, |pdf| balance(pdf, self.lights.environment_pdf(radiance)));
@@ -66,13 +70,14 @@ impl Reference<'_> {
             let bsdf = Bsdf::at(&self.surfaces[point.material_index as usize], point.color, footprint);
             let wo = frame.to_local(wo_world);
             if !bsdf.is_delta()
-                && let Some(light) = self.lights.sample(&self.scene, point.position, random)
+                && let Some(light) = self.lights.sample(&self.scene, point.position, &mut random)
             {
-                sample.radiance += throughput * self.direct(&point, &bsdf, wo, &light, rays);
+                let direct = self.direct(&point, &bsdf, wo, &light, values, &mut sample.rays).await;
+                sample.radiance += throughput * direct;
             }
 
             let u = [random.uniform(), random.uniform(), random.uniform()];
-            let Some(scattered) = bsdf.sample(wo, u) else { break };
+            let Some(scattered) = values.sample(&bsdf, wo, u).await else { break };
             direction = frame.to_world(scattered.wi).normalize();
             if !frame.is_consistent(direction, scattered.wi) {
                 break;
@@ -94,7 +99,15 @@ impl Reference<'_> {
     }
 
     /// What a light sample adds at a point, weighted against finding the same light by the BSDF.
-    fn direct(&self, point: &SurfacePoint, bsdf: &Bsdf, wo: DVec3, light: &LightSample, rays: &mut RayCount) -> DVec3 {
+    async fn direct<'s>(
+        &self,
+        point: &SurfacePoint<'_>,
+        bsdf: &Bsdf<'s>,
+        wo: DVec3,
+        light: &LightSample,
+        values: &Values<'s>,
+        rays: &mut RayCount,
+    ) -> DVec3 {
         let wi_world = match light.source {
             Source::Point { position, .. } => (position - point.position).normalize_or_zero(),
             Source::Direction(direction) => direction,
@@ -103,7 +116,7 @@ impl Reference<'_> {
         if !point.frame.is_consistent(wi_world, wi) {
             return DVec3::ZERO;
         }
-        let value = bsdf.eval(wo, wi) * wi.z.abs();
+        let value = values.eval(bsdf, wo, wi).await * wi.z.abs();
         if value == DVec3::ZERO {
             return DVec3::ZERO;
         }
@@ -127,6 +140,7 @@ impl Reference<'_> {
     }
 
     /// What a ray meets first, and the squared distance to it.
+    #[inline]
     fn closest(&self, origin: Vec3, direction: DVec3) -> Option<(SurfacePoint<'_>, f64)> {
         let hit = self.hit(origin, direction)?;
         let placement = &self.placements[hit.instance as usize];

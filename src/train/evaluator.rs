@@ -121,10 +121,7 @@ impl Evaluator {
     fn decode(&self, outputs: DVec3) -> DVec3 {
         match &self.features {
             None => outputs.map(|y| y.clamp(0.0, crate::material::NBRDF_LARGEST_OUTPUT).exp_m1()),
-            Some(Features { encoding, .. }) => {
-                let [gain, scale, max] = [encoding.gain, encoding.scale, encoding.max].map(f64::from);
-                outputs.map(|y| ((scale * y).exp_m1() / gain).clamp(0.0, max))
-            }
+            Some(Features { encoding, .. }) => encoding.decode(outputs),
         }
     }
 }

@@ -9,21 +9,11 @@ use serde::Serialize;
 use super::ball::Ball;
 use super::pairs::draw;
 use super::random::Random;
+pub use crate::material::Query;
 use crate::scene::brdf::Footprint;
 
 /// A BRDF at many (ωo, ωi) at once.
 pub type Eval<'a> = &'a (dyn Fn(&[[DVec3; 2]]) -> Vec<DVec3> + Sync);
-
-/// What is asked of a material that varies.
-#[derive(Clone, Copy, Debug)]
-pub struct Query {
-    /// Where.
-    pub footprint: Footprint,
-    /// Towards the viewer.
-    pub wo: DVec3,
-    /// Towards the light.
-    pub wi: DVec3,
-}
 
 /// A BRDF at many places and directions at once; one that is the same everywhere may leave the places out.
 pub type EvalAt<'a> = &'a (dyn Fn(&[Query]) -> Vec<DVec3> + Sync);
