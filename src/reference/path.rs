@@ -140,7 +140,6 @@ impl Reference<'_> {
     }
 
     /// What a ray meets first, and the squared distance to it.
-    #[inline]
     fn closest(&self, origin: Vec3, direction: DVec3) -> Option<(SurfacePoint<'_>, f64)> {
         let hit = self.hit(origin, direction)?;
         let placement = &self.placements[hit.instance as usize];

@@ -105,7 +105,6 @@ pub struct SurfacePoint<'a> {
 
 impl<'a> SurfacePoint<'a> {
     /// What a ray from `origin` along `direction` hit. `None` for a triangle without area, which has no normal.
-    #[inline] // a point is large, and would be copied twice
     pub fn new(
         scene: &'a Scene,
         placement: &Placement,
