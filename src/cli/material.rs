@@ -7,9 +7,10 @@ use std::process::ExitCode;
 use anyhow::{Result, bail};
 use glam::DVec3;
 use neubrdf::image::atomic_write;
-use neubrdf::scene::brdf::{NeuBrdf, NeuBrdfPack};
+use neubrdf::scene::brdf::{Footprint, NeuBrdf, NeuBrdfPack, SurfaceFrame};
 use neubrdf::train::check::{Check, check};
-use neubrdf::train::{measure, plot};
+use neubrdf::train::measure::{self, Eval, Query};
+use neubrdf::train::{Evaluator, plot};
 use rayon::prelude::*;
 
 use super::brdf_input::{BrdfInput, Drawing};
@@ -67,23 +68,39 @@ pub fn run(arguments: Arguments) -> Result<ExitCode> {
         return Ok(ExitCode::SUCCESS);
     }
     let input = BrdfInput::load(&arguments.input, arguments.name.as_deref(), DRAWING)?;
-    let eval =
-        |pairs: &[[DVec3; 2]]| -> Vec<DVec3> { pairs.par_iter().map(|[wo, wi]| input.brdf.eval(*wo, *wi)).collect() };
+    let model = pack.map(|_| NeuBrdf::load(&arguments.input, arguments.name.as_deref())).transpose()?;
+    // What is asked a million times is evaluated on all lanes, where that is possible.
+    let fast = model.as_ref().map(Evaluator::neubrdf);
+    let eval = |pairs: &[[DVec3; 2]]| -> Vec<DVec3> {
+        match &fast {
+            Some(fast) => fast.eval(pairs),
+            None => pairs.par_iter().map(|[wo, wi]| input.brdf.eval(*wo, *wi)).collect(),
+        }
+    };
+    let eval_at = |queries: &[Query]| -> Vec<DVec3> {
+        match &fast {
+            Some(fast) => fast.eval_at(queries),
+            None => queries.par_iter().map(|at| input.brdf.eval_at(at.footprint, at.wo, at.wi)).collect(),
+        }
+    };
     let is_isotropic = input.brdf.is_isotropic();
     let mut facts = serde_json::json!({"name": input.name, "is_isotropic": is_isotropic});
-    if pack.is_some() {
-        facts["neubrdf"] = describe(&NeuBrdf::load(&arguments.input, arguments.name.as_deref())?);
+    if let Some(model) = &model {
+        facts["neubrdf"] = describe(model);
         facts["bytes"] = std::fs::metadata(&arguments.input)?.len().into();
     }
     let checked = arguments.check.then(|| {
         let places = if input.brdf.is_spatial() { CHECKED_PLACES } else { 0 };
-        let at = |place: usize| {
+        let at = |footprint: Footprint, eval: Eval| {
+            check(is_isotropic, input.brdf.frame(footprint).unwrap_or(SurfaceFrame::OWN), eval)
+        };
+        let at_place = |place: usize| {
             let footprint = measure::place(place);
-            check(is_isotropic, &|pairs| {
-                pairs.par_iter().map(|[wo, wi]| input.brdf.eval_at(footprint, *wo, *wi)).collect()
+            at(footprint, &|pairs| {
+                eval_at(&pairs.iter().map(|[wo, wi]| Query { footprint, wo: *wo, wi: *wi }).collect::<Vec<_>>())
             })
         };
-        (0..places).map(at).fold(check(is_isotropic, &eval), Check::merge)
+        (0..places).map(at_place).fold(at(Footprint::WHOLE, &eval), Check::merge)
     });
     facts["check"] = serde_json::json!(checked);
     print(&arguments, &facts)?;

@@ -6,6 +6,7 @@ use glam::DVec3;
 use serde::Serialize;
 
 use super::measure::{Eval, directional_albedo};
+use crate::scene::brdf::SurfaceFrame;
 
 /// What was found over a dense grid of directions.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
@@ -16,7 +17,9 @@ pub struct Check {
     pub non_finite: usize,
     /// Of those, with a negative number in a channel.
     pub negative: usize,
-    /// Σ |f(ωo, ωi) − f(ωi, ωo)| cos θo cos θi / Σ f cos θo cos θi over channels and the grid.
+    /// Σ |f(ωo, ωi) r(ωo) − f(ωi, ωo) r(ωi)| cos θo cos θi / Σ f r(ωo) cos θo cos θi over channels and the grid, with r of
+    /// [`SurfaceFrame::received`], which is 1 where nothing leans. A leaning lobe f′ is seen as f = f′ r(ωi), which is not reciprocal even
+    /// if f′ is: both of it times both r is what changing the directions should leave as it was.
     pub reciprocity_error: f64,
     /// The largest directional albedo of a channel.
     pub max_albedo: f64,
@@ -51,8 +54,8 @@ const LOWEST: f64 = 89.9;
 /// Points of an albedo.
 const ALBEDO_POINTS: usize = 4096;
 
-/// Looks at it.
-pub fn check(is_isotropic: bool, eval: Eval) -> Check {
+/// Looks at a BRDF whose lobes lie in a frame.
+pub fn check(is_isotropic: bool, frame: SurfaceFrame, eval: Eval) -> Check {
     let turns = if is_isotropic { 1 } else { TURNS };
     let direction = |theta: f64, phi: f64| DVec3::new(theta.sin() * phi.cos(), theta.sin() * phi.sin(), theta.cos());
     let thetas: Vec<f64> = (0..THETAS).map(|i| (LOWEST * i as f64 / (THETAS - 1) as f64).to_radians()).collect();
@@ -70,6 +73,7 @@ pub fn check(is_isotropic: bool, eval: Eval) -> Check {
         non_finite += usize::from(!value.is_finite());
         negative += usize::from(value.min_element() < 0.0);
         let cosines = wo.z * wi.z;
+        let [value, other] = [value * frame.received(*wo), other * frame.received(*wi)];
         difference += (value - other).abs().element_sum() * cosines;
         sum += value.element_sum() * cosines;
     }

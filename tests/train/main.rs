@@ -9,7 +9,7 @@ use std::f64::consts::FRAC_1_PI;
 
 use glam::DVec3;
 use neubrdf::material::{Bsdf, Evaluate, Prepared};
-use neubrdf::scene::brdf::{Brdf, NeuBrdf, Precision};
+use neubrdf::scene::brdf::{Brdf, NeuBrdf, Precision, SurfaceFrame};
 use neubrdf::scene::{Color, Fresnel, Surface};
 use neubrdf::train::check::check;
 use neubrdf::train::measure::{compare, directional_albedo};
@@ -238,15 +238,21 @@ fn a_trained_nbrdf_is_read_back_as_what_was_trained() {
 #[test]
 fn a_check_finds_what_is_wrong() {
     let matte = |pairs: &[[DVec3; 2]]| vec![DVec3::splat(0.5 * FRAC_1_PI); pairs.len()];
-    let good = check(true, &matte);
+    let good = check(true, SurfaceFrame::OWN, &matte);
     assert_eq!((good.non_finite, good.negative), (0, 0));
     assert!(good.reciprocity_error < 1e-12 && (good.max_albedo - 0.5).abs() < 0.01, "{good:?}");
     let lopsided = |pairs: &[[DVec3; 2]]| pairs.iter().map(|[wo, _]| DVec3::splat(wo.z)).collect::<Vec<_>>();
-    let bad = check(true, &lopsided);
+    let bad = check(true, SurfaceFrame::OWN, &lopsided);
     assert!(bad.reciprocity_error > 0.1 && bad.max_albedo > 3.0, "{bad:?}");
     let broken =
         |pairs: &[[DVec3; 2]]| pairs.iter().map(|[wo, wi]| DVec3::splat((wi.z - wo.z).ln())).collect::<Vec<_>>();
-    assert!(check(true, &broken).non_finite > 0);
+    assert!(check(true, SurfaceFrame::OWN, &broken).non_finite > 0);
+    // As bright from everywhere, about a normal that leans.
+    let frame = SurfaceFrame { normal: DVec3::new(0.36, 0.48, 0.8), ..SurfaceFrame::OWN };
+    let received = |[wo, wi]: &[DVec3; 2]| frame.turned(*wo, *wi).map_or(0.0, |(_, received)| received);
+    let leaning = |pairs: &[[DVec3; 2]]| pairs.iter().map(|pair| DVec3::splat(received(pair))).collect::<Vec<_>>();
+    assert!(check(false, frame, &leaning).reciprocity_error < 1e-12);
+    assert!(check(false, SurfaceFrame::OWN, &leaning).reciprocity_error > 0.1);
 }
 
 #[test]
