@@ -1,10 +1,8 @@
 //! A study's statistics are right: slopes, intervals, floors, ratios and tests do what they claim, at their rate; and a study that is
 //! interrupted, resumed, judged and compared says the same as one that is not.
 
-use std::path::Path;
-
 use neubrdf::converge::study::{
-    AboutTruth, Analysis, Axes, Change, Clock, Environment, Gate, Gram, MethodRecord, MethodResult, Products, Question,
+    AboutTruth, Analysis, Change, Clock, Environment, Gate, Gram, MethodRecord, MethodResult, Products, Question,
     Record, Run, SceneRecord, compare, write_report,
 };
 use neubrdf::converge::{CONFIDENCE, Timing};
@@ -330,9 +328,10 @@ fn a_record_survives_its_file() {
 
 #[cfg(feature = "embree")]
 mod studies {
+    use std::path::Path;
     use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
-    use neubrdf::converge::study::{Error, Event, Plan, ScenePlan, run};
+    use neubrdf::converge::study::{Axes, Error, Event, Plan, ScenePlan, run};
 
     use super::*;
 
