@@ -21,7 +21,7 @@ use neubrdf::scene::{Camera, Color, Environment, Film, Fresnel, Instance as Plac
 pub const LAVAPIPE: &str = "llvmpipe";
 pub const SWIFTSHADER: &str = "SwiftShader";
 
-/// A driver under synchronization validation; `finish` insists that the validation layer said nothing.
+/// A driver, mostly under synchronization validation; `finish` insists that the validation layer, where it is on, said nothing.
 pub struct Driver {
     pub device: Arc<Device>,
     instance: Arc<Instance>,
