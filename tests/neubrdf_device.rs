@@ -7,9 +7,9 @@ use std::sync::Arc;
 
 use common::neubrdf_parity::{Deviation, TOLERANCE, compare, hard_directions};
 use common::random_neubrdf::{Shape, Stream, random_neubrdf, random_pack};
-use common::{LAVAPIPE, SWIFTSHADER, driver_for_kernels};
+use common::{LAVAPIPE, SWIFTSHADER, driver_for_kernels, values_of};
 use glam::{DVec3, Vec2, Vec3};
-use neubrdf::gpu::{Buffer, Commands, Device, Kernel, Memory, spirv};
+use neubrdf::gpu::{Buffer, Device, Kernel, spirv};
 use neubrdf::render::{NeuBrdfPush, NeuBrdfQuery, NeuBrdfShape, NeuBrdfValues, pack_neubrdf, pack_neubrdf_models};
 use neubrdf::scene::brdf::{CornerWeights, Footprint, NeuBrdf, Precision, SamplingLobe};
 use rayon::prelude::*;
@@ -29,20 +29,14 @@ impl<'a> Evaluation<'a> {
     /// The values of the model that begins at word `first` of a table.
     fn values(&self, words: &[u32], first: usize, queries: &[NeuBrdfQuery]) -> Vec<NeuBrdfValues> {
         let table = Buffer::with_data(self.device, "table", words).unwrap();
-        let input = Buffer::with_data(self.device, "queries", queries).unwrap();
-        let bytes = size_of::<NeuBrdfValues>() * queries.len();
-        let output = Buffer::new(self.device, "values", bytes as u64, Memory::Device).unwrap();
-        let mut commands = Commands::begin(self.device).unwrap();
-        let push = NeuBrdfPush {
+        let push = |queries_at, results| NeuBrdfPush {
             table: table.address() + 4 * first as u64,
-            queries: input.address(),
-            results: output.address(),
+            queries: queries_at,
+            results,
             count: queries.len() as u32,
             padding: 0,
         };
-        commands.dispatch(&self.kernel, self.kernel.groups_for(push.count), &push);
-        self.device.submit(commands).unwrap().wait().unwrap();
-        output.read().unwrap()
+        values_of(self.device, &self.kernel, queries, push)
     }
 }
 

@@ -9,7 +9,7 @@ use glam::DVec3;
 use neubrdf::image::atomic_write;
 use neubrdf::scene::brdf::{Footprint, NeuBrdf, NeuBrdfPack, SurfaceFrame};
 use neubrdf::train::check::{Check, check};
-use neubrdf::train::measure::{self, Eval, Query};
+use neubrdf::train::measure::{self, Query};
 use neubrdf::train::{Evaluator, plot};
 use rayon::prelude::*;
 
@@ -71,16 +71,12 @@ pub fn run(arguments: Arguments) -> Result<ExitCode> {
     let model = pack.map(|_| NeuBrdf::load(&arguments.input, arguments.name.as_deref())).transpose()?;
     // What is asked a million times is evaluated on all lanes, where that is possible.
     let fast = model.as_ref().map(Evaluator::neubrdf);
-    let eval = |pairs: &[[DVec3; 2]]| -> Vec<DVec3> {
+    let eval = |footprint: Footprint, pairs: &[[DVec3; 2]]| -> Vec<DVec3> {
         match &fast {
-            Some(fast) => fast.eval(pairs),
-            None => pairs.par_iter().map(|[wo, wi]| input.brdf.eval(*wo, *wi)).collect(),
-        }
-    };
-    let eval_at = |queries: &[Query]| -> Vec<DVec3> {
-        match &fast {
-            Some(fast) => fast.eval_at(queries),
-            None => queries.par_iter().map(|at| input.brdf.eval_at(at.footprint, at.wo, at.wi)).collect(),
+            Some(fast) => {
+                fast.eval_at(&pairs.iter().map(|[wo, wi]| Query { footprint, wo: *wo, wi: *wi }).collect::<Vec<_>>())
+            }
+            None => pairs.par_iter().map(|[wo, wi]| input.brdf.eval_at(footprint, *wo, *wi)).collect(),
         }
     };
     let is_isotropic = input.brdf.is_isotropic();
@@ -91,22 +87,17 @@ pub fn run(arguments: Arguments) -> Result<ExitCode> {
     }
     let checked = arguments.check.then(|| {
         let places = if input.brdf.is_spatial() { CHECKED_PLACES } else { 0 };
-        let at = |footprint: Footprint, eval: Eval| {
-            check(is_isotropic, input.brdf.frame(footprint).unwrap_or(SurfaceFrame::OWN), eval)
+        let check_at = |footprint: Footprint| {
+            let frame = input.brdf.frame(footprint).unwrap_or(SurfaceFrame::OWN);
+            check(is_isotropic, frame, &|pairs| eval(footprint, pairs))
         };
-        let at_place = |place: usize| {
-            let footprint = measure::place(place);
-            at(footprint, &|pairs| {
-                eval_at(&pairs.iter().map(|[wo, wi]| Query { footprint, wo: *wo, wi: *wi }).collect::<Vec<_>>())
-            })
-        };
-        (0..places).map(at_place).fold(at(Footprint::WHOLE, &eval), Check::merge)
+        (0..places).map(measure::place).map(check_at).fold(check_at(Footprint::WHOLE), Check::merge)
     });
     facts["check"] = serde_json::json!(checked);
     print(&arguments, &facts)?;
     if let Some(path) = &arguments.plot {
         let io_error = |source| neubrdf::image::Error::Io { path: path.to_owned(), source };
-        let svg = plot::polar(PLOT_GAIN, &[&eval]);
+        let svg = plot::polar(PLOT_GAIN, &[&|pairs| eval(Footprint::WHOLE, pairs)]);
         atomic_write(path, |file| file.write_all(svg.as_bytes()).map_err(io_error))?;
     }
     let is_wrong = checked.is_some_and(|check| {

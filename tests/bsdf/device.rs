@@ -9,7 +9,7 @@ use std::collections::HashMap;
 use std::sync::Arc;
 
 use glam::{DVec3, Vec3};
-use neubrdf::gpu::{Buffer, Commands, Device, Kernel, Memory, spirv};
+use neubrdf::gpu::{Buffer, Device, Kernel, spirv};
 use neubrdf::material::{self, Bsdf, BsdfSample, Prepared};
 use neubrdf::render::{Family, MaterialTable, family};
 use neubrdf::scene::brdf::Precision;
@@ -17,7 +17,7 @@ use neubrdf::scene::{Brdf, Material, Surface};
 use rayon::prelude::*;
 
 use crate::common::bsdf_structs::{BsdfTestCase, BsdfTestPush, BsdfTestResult};
-use crate::common::{LAVAPIPE, on_both_drivers};
+use crate::common::{LAVAPIPE, on_both_drivers, values_of};
 use crate::configurations::{self, Configuration, coated, describe, diffuse, glass, gold, schlick};
 use crate::networks;
 use crate::sampling::{Histogram, SAMPLES, hard_direction, judge, write_evidence};
@@ -71,20 +71,14 @@ impl Shader {
     }
 
     pub fn run(&self, cases: &[BsdfTestCase]) -> Vec<BsdfTestResult> {
-        let input = Buffer::with_data(&self.device, "cases", cases).unwrap();
-        let bytes = size_of::<BsdfTestResult>() * cases.len();
-        let output = Buffer::new(&self.device, "results", bytes as u64, Memory::Device).unwrap();
-        let mut commands = Commands::begin(&self.device).unwrap();
-        let push = BsdfTestPush {
+        let push = |cases_at, results| BsdfTestPush {
             materials: self.materials.address(),
-            cases: input.address(),
-            results: output.address(),
+            cases: cases_at,
+            results,
             count: cases.len() as u32,
             pad: 0,
         };
-        commands.dispatch(&self.kernel, self.kernel.groups_for(push.count), &push);
-        self.device.submit(commands).unwrap().wait().unwrap();
-        output.read().unwrap()
+        values_of(&self.device, &self.kernel, cases, push)
     }
 }
 

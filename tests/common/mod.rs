@@ -11,8 +11,9 @@ pub mod tables;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
+use bytemuck::Pod;
 use glam::{Affine3A, Vec2, Vec3};
-use neubrdf::gpu::{Device, DeviceChoice, Instance, Validation};
+use neubrdf::gpu::{Buffer, Commands, Device, DeviceChoice, Instance, Kernel, Memory, Validation};
 use neubrdf::image::{Picture, plane};
 use neubrdf::render::{Limits, Options, Renderer, Settings, Traversal, run};
 use neubrdf::scene::{Camera, Color, Environment, Film, Fresnel, Instance as Placed, Material, Mesh, Scene, Surface};
@@ -258,4 +259,19 @@ pub fn shipped_scenes() -> Vec<PathBuf> {
     let mut scenes: Vec<PathBuf> = scenes.filter(|path| path.exists()).collect();
     scenes.sort();
     scenes
+}
+
+/// What a kernel of one invocation a query makes of queries; `push` is told where queries and results lie.
+pub fn values_of<Query: Pod, Value: Pod, Push: Pod>(
+    device: &Arc<Device>,
+    kernel: &Kernel,
+    queries: &[Query],
+    push: impl FnOnce(u64, u64) -> Push,
+) -> Vec<Value> {
+    let input = Buffer::with_data(device, "queries", queries).unwrap();
+    let output = Buffer::new(device, "values", (size_of::<Value>() * queries.len()) as u64, Memory::Device).unwrap();
+    let mut commands = Commands::begin(device).unwrap();
+    commands.dispatch(kernel, kernel.groups_for(queries.len() as u32), &push(input.address(), output.address()));
+    device.submit(commands).unwrap().wait().unwrap();
+    output.read().unwrap()
 }
