@@ -9,7 +9,7 @@ use serde_json::json;
 
 use super::measure::{Comparison, Eval, FitErrors};
 use super::plot;
-use super::{Error, Plan, Recipe};
+use super::{Error, Model, Plan, Recipe};
 use crate::image::atomic_write;
 
 /// What a training came to.
@@ -84,20 +84,8 @@ impl Report {
         let FitErrors { pairs, ball, albedo, worst_albedo } = &self.errors;
         let mut page = String::new();
         let plan = &self.plan;
-        let [n_wi, n_wo] = plan.n_side;
-        let _ = writeln!(
-            page,
-            "<p>{:?}, recipe {:?}: N_side {n_wi} (ωi) and {n_wo} (ωo), {} resolutions, F {}, hidden {}, {:?} weights; {} steps of {} pairs, seed {}.</p>",
-            plan.model,
-            plan.recipe,
-            plan.resolutions,
-            plan.features,
-            plan.pruned,
-            plan.corner_weights,
-            self.steps,
-            plan.batch,
-            plan.seed
-        );
+        let _ =
+            writeln!(page, "<p>{}; {} steps of {} pairs, seed {}.</p>", sizes(plan), self.steps, plan.batch, plan.seed);
         page.push_str("<table>\n");
         for (name, value) in [
             ("SSIM of the ball", format!("{:.4}", ball.ssim)),
@@ -153,6 +141,27 @@ impl Report {
     }
 }
 
+/// What is trained, in words.
+fn sizes(plan: &Plan) -> String {
+    if plan.model == Model::Nbrdf {
+        return "NBRDF, 6 → 21 → 21 → 3".to_owned();
+    }
+    let [n_wi, n_wo] = plan.n_side;
+    let grids = if plan.resolutions == 1 { "one grid".to_owned() } else { format!("{} grids", plan.resolutions) };
+    format!(
+        "NeuBRDF, recipe {}: N_side {n_wi} (ωi) and {n_wo} (ωo), {grids} of F {} a hemisphere, {} weights, hidden {}",
+        word(&plan.recipe),
+        plan.features,
+        word(&plan.corner_weights),
+        plan.pruned
+    )
+}
+
+/// The name by which files and the command line know a choice.
+fn word(choice: &impl Serialize) -> String {
+    json!(choice).as_str().unwrap_or_default().to_owned()
+}
+
 /// The recipes side by side.
 fn recipe_table(recipes: &[RecipeResult]) -> String {
     let mut table = String::from(
@@ -161,7 +170,7 @@ fn recipe_table(recipes: &[RecipeResult]) -> String {
     );
     for RecipeResult { recipe, bytes, seconds, errors } in recipes {
         let FitErrors { pairs, ball, worst_albedo, .. } = errors;
-        let name = format!("{recipe:?}").to_lowercase();
+        let name = word(recipe);
         let _ = writeln!(
             table,
             "<tr><td>{name}</td><td>{:.4}</td><td>{:.4}</td><td>{:.1} dB</td><td>{:.5}</td><td>{:.4}</td><td>{:.2} %</td><td>{bytes}</td><td>{seconds:.1}</td></tr>",
