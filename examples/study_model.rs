@@ -190,8 +190,8 @@ fn main() -> Result<()> {
     print_table(&truths, &fitted, &half, &full);
     let plot = arguments.folder.join("study.svg");
     let io_error = |source| neubrdf::image::Error::Io { path: plot.clone(), source };
-    let on = format!("{}, {}", device.name(), device.driver());
-    let svg = plot_of(&truths, &half, &on).document();
+    println!("\nOn {}, {}.", device.name(), device.driver());
+    let svg = plot_of(&half).document();
     atomic_write(&plot, |file| file.write_all(svg.as_bytes()).map_err(io_error))?;
     eprintln!("{}", plot.display());
     Ok(())
@@ -345,7 +345,7 @@ fn print_table(truths: &[Truth], models: &[Fitted], half: &[ModelPoint], full: &
     }
 }
 
-fn plot_of(truths: &[Truth], models: &[ModelPoint], device: &str) -> Plot {
+fn plot_of(models: &[ModelPoint]) -> Plot {
     let mut front: Vec<&ModelPoint> = models.iter().filter(|point| point.is_on_front).collect();
     front.sort_by(|a, b| a.rate.total_cmp(&b.rate));
     let front = front.windows(2).map(|ends| Series {
@@ -366,11 +366,10 @@ fn plot_of(truths: &[Truth], models: &[ModelPoint], device: &str) -> Plot {
         .collect();
     // The default is drawn over the others.
     of_axes.rotate_left(1);
-    let names: Vec<&str> = truths.iter().map(|truth| truth.name.as_str()).collect();
     Plot {
         title: "NeuBRDFs of several sizes, in f16, and the Pareto front".to_owned(),
-        x_label: format!("million evaluations a second, {device}"),
-        y_label: format!("mean |Δ ln(1 + f)|: {}", names.join(", ")),
+        x_label: "million evaluations a second".to_owned(),
+        y_label: "mean |Δ ln(1 + f)|, geometric mean".to_owned(),
         series: front.chain(of_axes).collect(),
         reference_noise: 0.0,
     }
