@@ -13,17 +13,37 @@ uint counter_of(uint bounce, uint queue) {
     return bounce * queue_count() + queue;
 }
 
-// A place at the queue's end for each invocation that wants one: one atomic a subgroup. To be called by all invocations.
+// Workgroups that take so many invocations.
+uint groups_of(uint invocations) {
+    return (invocations + gl_WorkGroupSize.x - 1u) / gl_WorkGroupSize.x;
+}
+
+shared uint reserved_count;    // by this workgroup
+shared uint reserved_base;
+
+// A place at the queue's end for each invocation that wants one. To be called by all invocations of the workgroup, together: all
+// that runs asks for the same two words, so that one of a workgroup asks for all of it.
 uint queue_reserve(uint bounce, uint queue, bool wanted) {
     uvec4 ballot = subgroupBallot(wanted);
-    uint count = subgroupBallotBitCount(ballot);
-    uint base = 0u;
-    if (subgroupElect() && count > 0u) {
-        uint counter = counter_of(bounce, queue);
-        base = atomicAdd(pool.counters.at[counter].count, count);
-        atomicMax(pool.counters.at[counter].groups.x, (base + count + gl_WorkGroupSize.x - 1u) / gl_WorkGroupSize.x);
+    if (gl_LocalInvocationIndex == 0u) {
+        reserved_count = 0u;
     }
-    return subgroupBroadcastFirst(base) + subgroupBallotExclusiveBitCount(ballot);
+    barrier();
+    uint before = 0u;
+    if (subgroupElect()) {
+        before = atomicAdd(reserved_count, subgroupBallotBitCount(ballot));
+    }
+    barrier();
+    if (gl_LocalInvocationIndex == 0u && reserved_count != 0u) {
+        uint counter = counter_of(bounce, queue);
+        reserved_base = atomicAdd(pool.counters.at[counter].count, reserved_count);
+        uint more_groups = groups_of(reserved_base + reserved_count) - groups_of(reserved_base);
+        if (more_groups != 0u) {
+            atomicAdd(pool.counters.at[counter].groups.x, more_groups);
+        }
+    }
+    barrier();
+    return reserved_base + subgroupBroadcastFirst(before) + subgroupBallotExclusiveBitCount(ballot);
 }
 
 void queue_push(uint bounce, uint queue, bool wanted, uint slot) {

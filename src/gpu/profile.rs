@@ -73,7 +73,7 @@ impl DeviceReport {
     pub fn profile(&self) -> Profile {
         let is_cpu = self.kind == "CPU";
         Profile {
-            workgroup_size: 64,
+            workgroup_size: if is_cpu { 64 } else { 128 },
             pool_paths: if is_cpu { 1 << 16 } else { 1 << 21 },
             traversal_prefers_ray_query: self.ray_query && !is_cpu,
             is_cpu,
