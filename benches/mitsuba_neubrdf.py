@@ -12,7 +12,11 @@ import json
 import drjit as dr
 import mitsuba as mi
 import numpy as np
-from drjit.llvm.ad import Array4f
+
+if mi.variant().startswith("cuda"):
+    from drjit.cuda.ad import Array4f
+else:
+    from drjit.llvm.ad import Array4f
 
 
 class NeuBrdf:

@@ -1,12 +1,12 @@
 """A scene rendered by Mitsuba 3 on request: what benches/render compares with.
 
-Usage: MITSUBA_VARIANT=llvm_ad_rgb|scalar_rgb python mitsuba_scene.py cornell
-       MITSUBA_VARIANT=llvm_ad_rgb            python mitsuba_scene.py SPHERE.json
+Usage: MITSUBA_VARIANT=llvm_ad_rgb|cuda_ad_rgb|scalar_rgb python mitsuba_scene.py cornell SIDE
+       MITSUBA_VARIANT=llvm_ad_rgb|cuda_ad_rgb            python mitsuba_scene.py SPHERE.json SIDE
 
 `cornell` is Mitsuba's own Cornell box, mi.cornell_box(). A JSON file is a NeuBRDF, as benches/render/sphere.rs writes it, on a
 sphere over a grey ground; mitsuba_neubrdf.py evaluates it.
 
-256x256, path tracer of depth 6, box filter as ours. Each line on standard input is answered by one line of JSON:
+SIDE x SIDE pixels, path tracer of depth 6, box filter as ours. Each line on standard input is answered by one line of JSON:
     render SAMPLER SPP SEED          seconds
     error SAMPLER SPP SEED           seconds, relmse against the reference, the reference's own noise taken off
     reference SPP FILE               makes the reference of `error` in two halves, or reads it from FILE
@@ -40,7 +40,7 @@ def sphere(file):
             "type": "perspective",
             "fov": 40,
             "to_world": to_world().look_at([0, -4, 1.6], [0, 0, 0.8], [0, 0, 1]),
-            "film": {"type": "hdrfilm", "width": 256, "height": 256},
+            "film": {"type": "hdrfilm"},
         },
         "ball": {"type": "sphere", "center": [0, 0, 1], "bsdf": {"type": "neubrdf"}},
         "ground": {"type": "rectangle", "to_world": to_world().scale(20), "bsdf": grey},
@@ -56,7 +56,8 @@ def sphere(file):
 def load(sampler):
     scene = mi.cornell_box() if sys.argv[1] == "cornell" else sphere(sys.argv[1])
     scene["integrator"] = {"type": "path", "max_depth": 6}
-    scene["sensor"]["film"]["rfilter"] = {"type": "box"}
+    side = int(sys.argv[2])
+    scene["sensor"]["film"] |= {"width": side, "height": side, "rfilter": {"type": "box"}}
     scene["sensor"]["sampler"] = {"type": sampler}
     return mi.load_dict(scene)
 

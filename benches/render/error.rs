@@ -89,10 +89,11 @@ pub fn climb(name: &str, scene: &Scene, for_mitsuba: impl AsRef<OsStr>) -> Resul
     let samples = number_from("REFERENCE_SPP", 4096)?;
     let seeds = number_from("SEEDS", 3)?.max(1);
     let truth = embree(scene, samples)?;
-    let mut mitsuba = Mitsuba::start("llvm_ad_rgb", for_mitsuba)?;
+    let mut mitsuba = Mitsuba::start(Mitsuba::variant_for(&device), for_mitsuba, scene.film.width)?;
     if let Some(mitsuba) = &mut mitsuba {
         eprintln!("Mitsuba's reference, {samples} spp …");
-        let file = cache_directory()?.join(format!("mitsuba-{}-{name}-{samples}.npy", mitsuba.version));
+        let file =
+            cache_directory()?.join(format!("mitsuba-{}-{}-{name}-{samples}.npy", mitsuba.version, mitsuba.variant));
         let noise = mitsuba.reference(samples, &file)?;
         println!("Mitsuba's reference of {samples} spp errs by relMSE {noise:.1e}, which is taken off.\n");
     }
@@ -121,8 +122,8 @@ pub fn climb(name: &str, scene: &Scene, for_mitsuba: impl AsRef<OsStr>) -> Resul
                 bar.set_message(ladder.name.clone());
                 if let Some(mitsuba) = &mut mitsuba {
                     let samples = ladder.rungs[rung].samples;
-                    // The first of a sampler compiles its kernels.
-                    if seed == 0 && rung == 0 {
+                    // The first of a sampler and a number of samples compiles kernels.
+                    if seed == 0 {
                         mitsuba.error(sampler, samples, 99)?;
                     }
                     let (seconds, error) = mitsuba.error(sampler, samples, seed)?;

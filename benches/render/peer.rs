@@ -6,6 +6,7 @@ use std::path::Path;
 use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
 
 use anyhow::{Context, Result};
+use neubrdf::gpu::Device;
 use serde_json::Value;
 
 use crate::measure::{Stopwatch, Timing};
@@ -25,9 +26,9 @@ pub struct Mitsuba {
 }
 
 impl Mitsuba {
-    /// With `cornell` or a NeuBRDF on a sphere, for which see the script. `None`, with a word on how to get it, unless
-    /// `MITSUBA_PYTHON` names a python that has it.
-    pub fn start(variant: &'static str, scene: impl AsRef<OsStr>) -> Result<Option<Mitsuba>> {
+    /// With `cornell` or a NeuBRDF on a sphere, for which see the script, `side` pixels wide and high. `None`, with a word on how to
+    /// get it, unless `MITSUBA_PYTHON` names a python that has it.
+    pub fn start(variant: &'static str, scene: impl AsRef<OsStr>, side: u32) -> Result<Option<Mitsuba>> {
         let Some(python) = std::env::var_os("MITSUBA_PYTHON") else {
             println!("{HOW}\n");
             return Ok(None);
@@ -36,6 +37,7 @@ impl Mitsuba {
         let mut child = Command::new(&python)
             .arg(script)
             .arg(scene)
+            .arg(side.to_string())
             .env("MITSUBA_VARIANT", variant)
             .stdin(Stdio::piped())
             .stdout(Stdio::piped())
@@ -66,6 +68,11 @@ impl Mitsuba {
         Ok((number(&answer, "seconds")?, number(&answer, "relmse")?))
     }
 
+    /// The variant that compiles for what the device is.
+    pub fn variant_for(device: &Device) -> &'static str {
+        if device.profile().is_cpu { "llvm_ad_rgb" } else { "cuda_ad_rgb" }
+    }
+
     fn ask(&mut self, request: &str) -> Result<Value> {
         writeln!(self.requests, "{request}")?;
         self.requests.flush()?;
@@ -77,7 +84,7 @@ impl Mitsuba {
         self.answers.read_line(&mut line)?;
         serde_json::from_str(&line).with_context(|| {
             format!(
-                "Mitsuba ({}) answered '{}'; is DRJIT_LIBLLVM_PATH set to LLVM 16 or later?",
+                "Mitsuba ({}) answered '{}'; llvm variants need DRJIT_LIBLLVM_PATH set to LLVM 16 or later, cuda variants NVIDIA's OptiX",
                 self.variant,
                 line.trim()
             )
