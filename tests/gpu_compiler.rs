@@ -19,8 +19,8 @@ const WALK_WORDS: u64 = 2 * 97;
 const ROUNDING_WORDS: u64 = 4;
 const BYTES_PER_SUBGROUP_WORD: u64 = 4 * 64;
 
-/// Workgroups of 128, as on GPUs, and a scene with emitters, a sky, a sun and textures.
-const CONSTANTS: [(u32, u32); 5] = [(0, 128), (2, 1), (3, 1), (4, 1), (6, 1)];
+/// Workgroups of 128 that reserve as one, as on GPUs, and a scene with emitters, a sky, a sun and textures.
+const CONSTANTS: [(u32, u32); 6] = [(0, 128), (2, 1), (3, 1), (4, 1), (6, 1), (32, 1)];
 /// Numbers of networks as f32 and, as files have them, as f16.
 const PRECISIONS: [(u32, u32); 2] = [(23, 0), (23, 1)];
 

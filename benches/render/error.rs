@@ -70,12 +70,12 @@ impl Ladder {
             .map(|rung| {
                 let [seconds, error] =
                     [&rung.seconds, &rung.errors].map(|list| Spread::of(list.iter().copied()).median);
-                format!("{}: {error:.2e} in {seconds:.2} s", rung.samples)
+                format!("{}: {error:.2e} in {seconds:.3} s", rung.samples)
             })
             .collect();
         let (seconds, samples, extended) = self.to_aim();
         let note = if extended { ", extrapolated" } else { "" };
-        println!("| {} | {} | {samples:.0} spp{note} | {seconds:.2} |", self.name, cells.join(" | "));
+        println!("| {} | {} | {samples:.0} spp{note} | {seconds:.3} |", self.name, cells.join(" | "));
     }
 }
 

@@ -68,7 +68,7 @@ bool has_dirac_lobe(Bsdf bsdf, MaterialRecord material) {
 }
 
 void push_shadow_ray(bool wanted, ShadowRay ray, uint slot) {
-    uint place = queue_reserve(bounce, QUEUE_SHADOW, wanted);
+    uint place = queue_reserve(bounce, wanted ? QUEUE_SHADOW : NOWHERE, 1u << QUEUE_SHADOW);
     if (wanted) {
         pool.shadow_origin.at[place] = vec4(ray.origin, ray.contribution.r);
         pool.shadow_direction.at[place] = vec4(ray.to_light, ray.contribution.g);
@@ -165,7 +165,7 @@ void pass_shade() {
         pool.direction.at[slot] = vec4(wi, next_cone.spread);
         pool.throughput.at[slot] = vec4(throughput / survival, next_cone.width);
     }
-    queue_push(bounce + 1u, QUEUE_TRACE, goes_on, slot);
+    queue_push(bounce + 1u, goes_on ? QUEUE_TRACE : NOWHERE, 1u << QUEUE_TRACE, slot);
 }
 
 #endif

@@ -15,32 +15,23 @@ void pass_trace_closest() {
     uint slot = has_path && bounce != 0u ? queue_slot(QUEUE_TRACE, place) : has_path ? place : 0u;
     // All invocations trace: a traversal may need the whole subgroup. A ray that ends before it starts meets nothing.
     Hit hit = trace_closest(pool.origin.at[slot].xyz, pool.direction.at[slot].xyz, has_path ? INFINITY : -1.0);
-    bool missed = has_path && hit.instance == NO_HIT;
-    uint family = 32u;
-    uint part = 0u;
     if (has_path) {
         pool.hit_key.at[slot].xy = uvec2(hit.instance, hit.triangle);
     }
+    uint queue = has_path && HAS_ENVIRONMENT ? QUEUE_MISS : NOWHERE;
     if (hit.instance != NO_HIT) {
         MeshRecord mesh = MeshRecord(scene.meshes.at[scene.instances.at[hit.instance].mesh]);
-        family = uint(findLSB(FAMILY_MASK));
+        uint family = uint(findLSB(FAMILY_MASK));
+        uint part = 0u;
         if (!ONE_FAMILY || NEUBRDF_QUEUES > 1u) {
             uint flags = scene.materials.at[material_of(mesh, hit.triangle)].flags;
             family = material_family(flags);
             part = flags >> MATERIAL_PART_SHIFT;
         }
+        queue = queue_of_family(family, part);
     }
-    for (uint f = 0u; f <= MATERIAL_FAMILY_MASK; ++f) {
-        if ((FAMILY_MASK & (1u << f)) != 0u) {
-            queue_push(bounce, queue_of_family(f, 0u), family == f && part == 0u, slot);
-        }
-    }
-    for (uint p = 1u; p < NEUBRDF_QUEUES; ++p) {
-        queue_push(bounce, queue_of_family(FAMILY_NEUBRDF, p), part == p, slot);
-    }
-    if (HAS_ENVIRONMENT) {
-        queue_push(bounce, QUEUE_MISS, missed, slot);
-    }
+    uint queues = (1u << queue_count()) - (HAS_ENVIRONMENT ? 1u << QUEUE_MISS : 1u << QUEUE_SHADE);
+    queue_push(bounce, queue, queues, slot);
 }
 
 #endif

@@ -2,6 +2,7 @@
 #ifndef LIB_QUEUE
 #define LIB_QUEUE
 
+#extension GL_EXT_control_flow_attributes : require
 #extension GL_KHR_shader_subgroup_basic : require
 #extension GL_KHR_shader_subgroup_ballot : require
 
@@ -13,42 +14,75 @@ uint counter_of(uint bounce, uint queue) {
     return bounce * queue_count() + queue;
 }
 
+// All that runs asks for the same words of a queue: on GPUs one of a workgroup asks for all of it. On CPU drivers one of a subgroup
+// does, as a barrier costs more there.
+layout(constant_id = 32) const bool RESERVES_BY_WORKGROUP = false;
+
+// No queue.
+const uint NOWHERE = ~0u;
+
+// More than a bounce has (src/render/kernels.rs), and no more than invocations are in a workgroup.
+const uint MOST_QUEUES = 32u;
+shared uint reserved_count[MOST_QUEUES];    // by this workgroup
+shared uint reserved_base[MOST_QUEUES];
+
 // Workgroups that take so many invocations.
 uint groups_of(uint invocations) {
     return (invocations + gl_WorkGroupSize.x - 1u) / gl_WorkGroupSize.x;
 }
 
-shared uint reserved_count;    // by this workgroup
-shared uint reserved_base;
-
-// A place at the queue's end for each invocation that wants one. To be called by all invocations of the workgroup, together: all
-// that runs asks for the same two words, so that one of a workgroup asks for all of it.
-uint queue_reserve(uint bounce, uint queue, bool wanted) {
-    uvec4 ballot = subgroupBallot(wanted);
-    if (gl_LocalInvocationIndex == 0u) {
-        reserved_count = 0u;
+// Makes a queue, and the dispatch that takes it, longer by so many; returns its length before.
+uint queue_extend(uint bounce, uint queue, uint count) {
+    uint counter = counter_of(bounce, queue);
+    uint base = atomicAdd(pool.counters.at[counter].count, count);
+    uint more_groups = groups_of(base + count) - groups_of(base);
+    if (more_groups != 0u) {
+        atomicAdd(pool.counters.at[counter].groups.x, more_groups);
     }
-    barrier();
-    uint before = 0u;
-    if (subgroupElect()) {
-        before = atomicAdd(reserved_count, subgroupBallotBitCount(ballot));
-    }
-    barrier();
-    if (gl_LocalInvocationIndex == 0u && reserved_count != 0u) {
-        uint counter = counter_of(bounce, queue);
-        reserved_base = atomicAdd(pool.counters.at[counter].count, reserved_count);
-        uint more_groups = groups_of(reserved_base + reserved_count) - groups_of(reserved_base);
-        if (more_groups != 0u) {
-            atomicAdd(pool.counters.at[counter].groups.x, more_groups);
-        }
-    }
-    barrier();
-    return reserved_base + subgroupBroadcastFirst(before) + subgroupBallotExclusiveBitCount(ballot);
+    return base;
 }
 
-void queue_push(uint bounce, uint queue, bool wanted, uint slot) {
-    uint place = queue_reserve(bounce, queue, wanted);
-    if (wanted) {
+// A place at the end of the queue that each invocation names, or of none. `queues` has a bit for each that may be named. To be
+// called by all invocations of the workgroup, together.
+uint queue_reserve(uint bounce, uint queue, uint queues) {
+    uint own = gl_LocalInvocationIndex;
+    if (RESERVES_BY_WORKGROUP) {
+        if (own < MOST_QUEUES) {
+            reserved_count[own] = 0u;
+        }
+        barrier();
+    }
+    uint place = 0u;
+    [[unroll]] for (uint named = 0u; named < MOST_QUEUES; ++named) {
+        if ((queues >> named & 1u) != 0u) {
+            uvec4 ballot = subgroupBallot(queue == named);
+            uint count = subgroupBallotBitCount(ballot);
+            uint base = 0u;
+            if (subgroupElect() && count > 0u) {
+                if (RESERVES_BY_WORKGROUP) {
+                    base = atomicAdd(reserved_count[named], count);
+                } else {
+                    base = queue_extend(bounce, named, count);
+                }
+            }
+            base = subgroupBroadcastFirst(base);
+            place = queue == named ? base + subgroupBallotExclusiveBitCount(ballot) : place;
+        }
+    }
+    if (RESERVES_BY_WORKGROUP) {
+        barrier();
+        if (own < MOST_QUEUES && reserved_count[own] != 0u) {
+            reserved_base[own] = queue_extend(bounce, own, reserved_count[own]);
+        }
+        barrier();
+        place += queue == NOWHERE ? 0u : reserved_base[queue];
+    }
+    return place;
+}
+
+void queue_push(uint bounce, uint queue, uint queues, uint slot) {
+    uint place = queue_reserve(bounce, queue, queues);
+    if (queue != NOWHERE) {
         pool.queue.at[queue * capacity + place] = slot;
     }
 }

@@ -13,6 +13,9 @@ pub const PUSH_CONSTANT_BYTES: u32 = 128;
 pub struct Profile {
     /// Invocations in a workgroup, for kernels that leave it open (specialization constant 0).
     pub workgroup_size: u32,
+    /// Whether a workgroup asks as one for places in a queue, where all that runs asks for them; else each subgroup does. Barriers cost
+    /// CPU drivers more.
+    pub reserves_by_workgroup: bool,
     /// Paths in flight, unless the user says otherwise.
     pub pool_paths: u32,
     /// Whether `VK_KHR_ray_query` is the faster traversal. On lavapipe the BVH walk is 4 to 100 times faster.
@@ -74,6 +77,7 @@ impl DeviceReport {
         let is_cpu = self.kind == "CPU";
         Profile {
             workgroup_size: if is_cpu { 64 } else { 128 },
+            reserves_by_workgroup: !is_cpu,
             pool_paths: if is_cpu { 1 << 16 } else { 1 << 21 },
             traversal_prefers_ray_query: self.ray_query && !is_cpu,
             is_cpu,

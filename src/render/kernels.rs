@@ -195,8 +195,12 @@ impl Kernels {
         settings: &Settings,
         further: &[(u32, u32)],
     ) -> Result<Kernels, Error> {
-        let mut plans = features.kernels(traversal, settings, device.profile().workgroup_size);
-        plans.iter_mut().for_each(|plan| plan.specialization.extend(further));
+        let profile = device.profile();
+        let mut plans = features.kernels(traversal, settings, profile.workgroup_size);
+        for plan in &mut plans {
+            plan.specialization.push((32, u32::from(profile.reserves_by_workgroup)));
+            plan.specialization.extend(further);
+        }
         let sources = plans
             .iter()
             .map(|plan| {
