@@ -21,7 +21,7 @@ layout(constant_id = 32) const bool RESERVES_BY_WORKGROUP = false;
 // No queue.
 const uint NOWHERE = ~0u;
 
-// More than a bounce has (src/render/kernels.rs), and no more than invocations are in a workgroup.
+// More than a bounce has (src/render/pool.rs), and no more than invocations are in a workgroup.
 const uint MOST_QUEUES = 32u;
 shared uint reserved_count[MOST_QUEUES];    // by this workgroup
 shared uint reserved_base[MOST_QUEUES];

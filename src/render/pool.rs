@@ -25,6 +25,10 @@ pub enum Queue {
 /// The first of the families' queues.
 const QUEUE_SHADE: u32 = 3;
 
+/// `MOST_QUEUES` of `glsl/lib/queue.glsl`.
+const MOST_QUEUES: u32 = 32;
+const _: () = assert!(QUEUE_SHADE + Family::ALL.len() as u32 + Features::MOST_NEUBRDF_QUEUES - 1 <= MOST_QUEUES);
+
 /// How many queues a bounce has.
 fn queue_count(features: &Features) -> u32 {
     QUEUE_SHADE + features.families.count_ones() + features.neubrdf_queues - 1
