@@ -9,7 +9,7 @@ use std::sync::Arc;
 use common::*;
 use glam::{DVec2, DVec3, Vec2, Vec3};
 use neubrdf::converge::Metrics;
-use neubrdf::gpu::Device;
+use neubrdf::gpu::{Device, DeviceReport, Instance};
 use neubrdf::image::{Crop, Picture, plane};
 use neubrdf::render::{
     Checkpoint, Features, Limits, NeuBrdfShape, Options, Renderer, Sampler, Settings, Stopped, Traversal, pack_neubrdf,
@@ -52,16 +52,24 @@ fn a_pool_of_one_path_renders() {
     driver.finish();
 }
 
+/// Lavapipe under two disguises; `None` where there is none.
+fn disguised(disguises: [fn(&mut DeviceReport); 2]) -> Option<(Arc<Instance>, [Arc<Device>; 2])> {
+    let open = || -> Result<_, neubrdf::gpu::Error> {
+        let instance = validated()?;
+        let [first, second] = disguises.map(|disguise| instance.open_as(&opened_as(LAVAPIPE), disguise));
+        Ok((instance, [first?, second?]))
+    };
+    open().inspect_err(|error| eprintln!("skipped: {error}")).ok()
+}
+
 /// Times are then missing, and nothing else.
 #[test]
 fn a_queue_without_timestamps_renders_the_same_bits() {
-    let instance = match validated() {
-        Ok(instance) => instance,
-        Err(error) => return eprintln!("skipped: {error}"),
+    let Some((instance, [with, without])) =
+        disguised([|report| report.limits.timestamp_valid_bits = 64, |report| report.limits.timestamp_valid_bits = 0])
+    else {
+        return;
     };
-    let lavapipe = opened_as(LAVAPIPE);
-    let open = |bits| instance.open_as(&lavapipe, |report| report.limits.timestamp_valid_bits = bits);
-    let (Ok(with), Ok(without)) = (open(64), open(0)) else { return eprintln!("skipped: no {LAVAPIPE}") };
     let scene = still_life(diffuse(0.5));
     let timed = |device: &Arc<Device>| {
         let mut renderer = Renderer::new(device, &scene, &settings(), &bvh()).unwrap();
@@ -78,13 +86,10 @@ fn a_queue_without_timestamps_renders_the_same_bits() {
 /// that was tried stays, and they try them in orders of their own: hence a few pixels.
 #[test]
 fn what_gpus_run_gives_the_picture_that_cpu_drivers_give() {
-    let instance = match validated() {
-        Ok(instance) => instance,
-        Err(error) => return eprintln!("skipped: {error}"),
+    let Some((instance, [cpu, gpu])) = disguised([|report| report.kind = "CPU", |report| report.kind = "discrete GPU"])
+    else {
+        return;
     };
-    let lavapipe = opened_as(LAVAPIPE);
-    let open = |kind| instance.open_as(&lavapipe, |report| report.kind = kind);
-    let (Ok(cpu), Ok(gpu)) = (open("CPU"), open("discrete GPU")) else { return eprintln!("skipped: no {LAVAPIPE}") };
     assert!(cpu.profile().is_cpu && !gpu.profile().is_cpu);
     for name in ["cornell", "preview", "sky"] {
         let (mut scene, _) = Scene::load(format!("{}/scenes/{name}/scene.toml", env!("CARGO_MANIFEST_DIR"))).unwrap();

@@ -321,9 +321,13 @@ fn compare_all(driver_name: &str, traversal: Traversal, [generated, shipped, rea
         };
         assert!(differences.wrong <= allowed, "{label}: {differences:?}");
         // A GPU's division may be 2.5 ulp off (Vulkan's table of precisions): through an edge of the silhouette its ray may pass by.
-        // In a soup each edge is one; an H200 differed on 4206 of 10⁶ rays.
+        // In a soup each edge is one; there an H200 differed on 4206 of 10⁶ rays.
         let is_exact = traversal == Traversal::Bvh && !is_moved;
-        let allowed = if driver.device.profile().is_cpu { 0 } else { count / 100 };
+        let allowed = match (driver.device.profile().is_cpu, names.contains(&"soup")) {
+            (true, _) => 0,
+            (false, true) => count / 100,
+            (false, false) => count / 1000,
+        };
         assert!(!is_exact || differences.cracks <= allowed, "{label}: {differences:?}");
         drop(intersector);
     }

@@ -35,8 +35,8 @@ void order_children(inout float near_a, inout uint child_a, inout float near_b, 
 }
 
 // Visits an inner node: leaves those of its children that the ray meets to the stack and returns the nearest. The sign of a
-// direction picks the rows that are read, so that nothing is selected from what was. No number here is none: rays are finite
-// (usable_end), and a box at infinity is infinitely far along any of them.
+// direction picks the rows that are read, so that nothing is selected from what was. Of a ray that usable_end lets pass no number here
+// is none; of one that it ends, 0 and t_max come first in `max` and `min`, which then take them, so that it meets no box.
 uint visit_alone(BvhNodeArray nodes, BoxRay ray, float t_max, uint level, uint current) {
     BvhRowArray rows = BvhRowArray(uvec2(nodes));
     uint first = current * BVH_NODE_ROWS;
@@ -49,8 +49,8 @@ uint visit_alone(BvhNodeArray nodes, BoxRay ray, float t_max, uint level, uint c
     vec4 far_y = (rows.at[far_row.y] - ray.far_origin.y) * ray.far_scale.y;
     vec4 far_z = (rows.at[far_row.z] - ray.far_origin.z) * ray.far_scale.z;
     uvec4 child = floatBitsToUint(rows.at[first + 6u]);
-    vec4 near = max(max(near_x, near_y), max(near_z, 0.0));
-    vec4 far = min(min(far_x, far_y), min(far_z, t_max));
+    vec4 near = max(max(vec4(0.0), near_z), max(near_x, near_y));
+    vec4 far = min(min(vec4(t_max), far_z), min(far_x, far_y));
     near = mix(vec4(INFINITY), near, lessThanEqual(near, far));
     order_children(near.x, child.x, near.y, child.y);
     order_children(near.z, child.z, near.w, child.w);
