@@ -10,7 +10,7 @@ use super::conductor::reflection_pdf;
 use super::diffuse::sample_cosine_hemisphere;
 use super::{BsdfSample, Ggx, MIN_COSINE, both_above, reflect};
 use crate::scene::SamplingLobe;
-use crate::scene::brdf::{Footprint, SurfaceFrame};
+use crate::scene::brdf::{Footprint, NeuBrdf, SurfaceFrame};
 
 /// What is asked of a BRDF.
 #[derive(Clone, Copy, Debug)]
@@ -34,14 +34,9 @@ pub trait Evaluate: Debug + Send + Sync {
         self.eval(wo, wi)
     }
 
-    /// The same of each query, but for rounding.
-    fn eval_many(&self, queries: &[Query]) -> Vec<DVec3> {
-        queries.iter().map(|query| self.eval_at(query.footprint, query.wo, query.wi)).collect()
-    }
-
-    /// Whether many evaluations together take less time than one by one.
-    fn gains_from_many(&self) -> bool {
-        false
+    /// The network that the values are of, which gives many together in less time than one by one: [`NeuBrdf::eval_many`].
+    fn neubrdf(&self) -> Option<&NeuBrdf> {
+        None
     }
 
     /// Whether [`Evaluate::eval_at`] hangs on the place; [`Evaluate::eval`] then is the average.
@@ -81,9 +76,9 @@ impl<'a> LobeSampled<'a> {
     }
 
     /// See [`super::Bsdf::query`].
-    pub fn query(&self, wo: DVec3, wi: DVec3) -> Option<(&'a dyn Evaluate, Query)> {
-        let gains = self.brdf.gains_from_many() && both_above(wo, wi);
-        gains.then_some((self.brdf, Query { footprint: self.footprint, wo, wi }))
+    pub fn query(&self, wo: DVec3, wi: DVec3) -> Option<(&'a NeuBrdf, Query)> {
+        let neubrdf = self.brdf.neubrdf().filter(|_| both_above(wo, wi))?;
+        Some((neubrdf, Query { footprint: self.footprint, wo, wi }))
     }
 
     /// See [`super::Bsdf::pdf`].

@@ -33,7 +33,7 @@ mod woven;
 
 use glam::DVec3;
 
-use crate::scene::brdf::Footprint;
+use crate::scene::brdf::{Footprint, NeuBrdf};
 use crate::scene::{Color, Fresnel, Surface};
 
 pub use coat_albedo::CoatAlbedo;
@@ -130,8 +130,8 @@ impl<'a> Bsdf<'a> {
         }
     }
 
-    /// Whom to ask for f(wo, wi) instead, and what, to have many values at once ([`Evaluate::eval_many`]); `None` where that gains nothing.
-    pub fn query(&self, wo: DVec3, wi: DVec3) -> Option<(&'a dyn Evaluate, Query)> {
+    /// Whom to ask for f(wo, wi) instead, and what, to have many values at once ([`NeuBrdf::eval_many`]); `None` where that gains nothing.
+    pub fn query(&self, wo: DVec3, wi: DVec3) -> Option<(&'a NeuBrdf, Query)> {
         if let Bsdf::LobeSampled(sampled) = self { sampled.query(wo, wi) } else { None }
     }
 

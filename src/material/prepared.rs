@@ -4,8 +4,8 @@ use std::sync::Arc;
 
 use glam::{DVec3, Vec2};
 
-use super::{CoatAlbedo, Dielectric, Evaluate, Ggx, LayeredWalk, Query, fit_lobe};
-use crate::scene::brdf::{Footprint, SurfaceFrame};
+use super::{CoatAlbedo, Dielectric, Evaluate, Ggx, LayeredWalk, fit_lobe};
+use crate::scene::brdf::{Footprint, NeuBrdf, SurfaceFrame};
 use crate::scene::{Brdf, Fresnel, Material, SamplingLobe, Surface};
 
 /// Walks through a layered surface, a pair of directions, that its lobe is fitted to.
@@ -125,15 +125,8 @@ impl Evaluate for Brdf {
         }
     }
 
-    fn eval_many(&self, queries: &[Query]) -> Vec<DVec3> {
-        match self {
-            Brdf::NeuBrdf(neubrdf) => neubrdf.eval_many(queries),
-            _ => queries.iter().map(|query| self.eval(query.wo, query.wi)).collect(),
-        }
-    }
-
-    fn gains_from_many(&self) -> bool {
-        matches!(self, Brdf::NeuBrdf(_))
+    fn neubrdf(&self) -> Option<&NeuBrdf> {
+        if let Brdf::NeuBrdf(neubrdf) = self { Some(neubrdf) } else { None }
     }
 
     fn is_spatial(&self) -> bool {

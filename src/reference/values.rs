@@ -11,7 +11,8 @@ use std::task::{Context, Poll, Waker};
 use glam::DVec3;
 
 use super::film::Sample;
-use crate::material::{Bsdf, BsdfSample, Evaluate, Query};
+use crate::material::{Bsdf, BsdfSample, Query};
+use crate::scene::brdf::NeuBrdf;
 
 /// A path on its way. It waits only for [`Values`].
 pub type Path<'p> = Pin<Box<dyn Future<Output = Sample> + 'p>>;
@@ -19,12 +20,12 @@ pub type Path<'p> = Pin<Box<dyn Future<Output = Sample> + 'p>>;
 /// What paths ask for, and what they are told.
 #[derive(Default)]
 pub struct Values<'s> {
-    /// One a BRDF.
+    /// One a network.
     batches: RefCell<Vec<Batch<'s>>>,
 }
 
 struct Batch<'s> {
-    brdf: &'s dyn Evaluate,
+    neubrdf: &'s NeuBrdf,
     queries: Vec<Query>,
     /// Of the queries before these.
     values: Vec<DVec3>,
@@ -33,8 +34,8 @@ struct Batch<'s> {
 impl<'s> Values<'s> {
     /// See [`Bsdf::eval`].
     pub async fn eval(&self, bsdf: &Bsdf<'s>, wo: DVec3, wi: DVec3) -> DVec3 {
-        let Some((brdf, query)) = bsdf.query(wo, wi) else { return bsdf.eval(wo, wi) };
-        let [batch, index] = self.ask(brdf, query);
+        let Some((neubrdf, query)) = bsdf.query(wo, wi) else { return bsdf.eval(wo, wi) };
+        let [batch, index] = self.ask(neubrdf, query);
         others_wait().await;
         self.batches.borrow()[batch].values[index]
     }
@@ -74,11 +75,11 @@ impl<'s> Values<'s> {
     }
 
     /// Notes a query; where its value will be.
-    fn ask(&self, brdf: &'s dyn Evaluate, query: Query) -> [usize; 2] {
+    fn ask(&self, neubrdf: &'s NeuBrdf, query: Query) -> [usize; 2] {
         let mut batches = self.batches.borrow_mut();
-        let known = batches.iter().position(|batch| std::ptr::addr_eq(batch.brdf, brdf));
+        let known = batches.iter().position(|batch| std::ptr::eq(batch.neubrdf, neubrdf));
         let batch = known.unwrap_or_else(|| {
-            batches.push(Batch { brdf, queries: Vec::new(), values: Vec::new() });
+            batches.push(Batch { neubrdf, queries: Vec::new(), values: Vec::new() });
             batches.len() - 1
         });
         let queries = &mut batches[batch].queries;
@@ -89,7 +90,7 @@ impl<'s> Values<'s> {
     /// Answers all queries.
     fn evaluate(&self) {
         for batch in self.batches.borrow_mut().iter_mut() {
-            batch.values = batch.brdf.eval_many(&batch.queries);
+            batch.values = batch.neubrdf.eval_many(&batch.queries);
             batch.queries.clear();
         }
     }
