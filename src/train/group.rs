@@ -40,6 +40,9 @@ impl Group {
         if first.model != Model::NeuBrdf || first.recipe == Recipe::Unquantised {
             return refuse("--share", format!("{:?}, {:?}", first.model, first.recipe), "NeuBRDFs with codebooks");
         }
+        if first.surface.is_some() {
+            return refuse("--share", "a material that varies".to_owned(), "materials that do not vary over a texture");
+        }
         let is_alike = |plan: &Plan| Plan { n_side: first.n_side, ..plan.clone() } == first;
         if let Some(other) = members.iter().find(|member| !is_alike(&member.plan)) {
             return refuse("--share", format!("{:?}", other.plan), "equal plans but for N_side");
@@ -151,7 +154,7 @@ impl Group {
             .collect();
         if is_quantised {
             let at = self.members[0].trainer.table_step(rates);
-            for side in 0..2 {
+            for side in 0..self.members[0].hemispheres.len() {
                 let sum = sum(to_codes.iter().map(|gradients| gradients[side].as_slice()));
                 self.members[0].trainer.tables[side].step_codes(&sum, at);
             }

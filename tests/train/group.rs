@@ -57,6 +57,25 @@ fn a_group_shares_what_it_is_to_share() {
     }
 }
 
+/// Common codes are learned of all resolutions: none stays as k-means found it.
+#[test]
+fn codes_of_all_resolutions_are_learned() {
+    let plan = Plan { resolutions: 2, features: 3, codes: [24; 2], ..small(Recipe::Default) };
+    let mut group = group(&plan, false);
+    let codebooks = |group: &Group| -> Vec<Vec<Vec<f32>>> {
+        let first = group.neubrdfs().swap_remove(0);
+        first.hemispheres().map(|table| table.codebook.codes.chunks(3).map(<[f32]>::to_vec).collect()).collect()
+    };
+    while group.steps() <= plan.steps / 20 {
+        group.step();
+    }
+    let found = codebooks(&group);
+    finish(&mut group);
+    for (side, (found, learned)) in found.iter().zip(codebooks(&group)).enumerate() {
+        assert!(!learned.is_empty() && learned.iter().all(|code| !found.contains(code)), "table {side}");
+    }
+}
+
 #[test]
 fn each_member_is_close() {
     let plan = Plan { n_side: [8; 2], steps: 1200, pairs: 1 << 15, codes: [256; 2], ..small(Recipe::Default) };
@@ -114,5 +133,6 @@ fn what_cannot_share_is_refused() {
     let plan = small(Recipe::Default);
     assert!(error(vec![]).to_string().contains("nothing"));
     assert!(error(vec![plan.clone(), Plan { features: 6, ..plan.clone() }]).to_string().contains("equal plans"));
+    assert!(error(vec![plan.clone().over([4, 4])]).to_string().contains("varies"));
     assert!(error(vec![Plan { recipe: Recipe::Unquantised, ..plan }]).to_string().contains("codebooks"));
 }
