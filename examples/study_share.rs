@@ -32,6 +32,12 @@ struct Arguments {
     /// Codes of a hemisphere
     #[arg(long, default_value_t = 1024)]
     codes: usize,
+    /// Resolutions of the grids
+    #[arg(long, default_value_t = 3)]
+    resolutions: usize,
+    /// Features of a code
+    #[arg(long, default_value_t = 4)]
+    features: usize,
     /// Share the networks as well
     #[arg(long)]
     share_network: bool,
@@ -103,7 +109,8 @@ fn main() -> Result<()> {
 /// What is known of a group, or is found out now.
 fn outcome(arguments: &Arguments, members: &[&Truth]) -> Result<Option<Outcome>> {
     let plan = Plan::new(Model::NeuBrdf, Recipe::Default, Quality::Draft, true);
-    let plan = Plan { steps: arguments.steps, pairs: 1 << 17, ..plan };
+    let Arguments { steps, resolutions, features, .. } = *arguments;
+    let plan = Plan { steps, pairs: 1 << 17, resolutions, features, ..plan };
     let plan = if members.len() == 1 { plan } else { plan.for_group(members.len(), Some(arguments.codes)) };
     let names: Vec<&str> = members.iter().map(|truth| truth.name.as_str()).collect();
     let path =

@@ -61,7 +61,8 @@ pub struct Arguments {
     /// N_side of both grids: a power of two up to 128
     #[arg(long)]
     pub(super) n_side: Option<u32>,
-    /// Resolutions of the grids: N_side, a half of it, a quarter …, each with features of its own; up to 4
+    /// Resolutions of the grids: N_side, a half of it, a quarter …, each with features of its own; up to 4. By default 3 with --share and of
+    /// anisotropic materials, else 1
     #[arg(long)]
     pub(super) resolutions: Option<usize>,
     /// Features of a code, up to 32

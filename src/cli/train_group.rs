@@ -9,7 +9,7 @@ use anyhow::{Context, Result, bail};
 use glam::DVec3;
 use neubrdf::scene::brdf::{Brdf, NeuBrdf, NeuBrdfPack, Precision};
 use neubrdf::train::measure::{Comparison, compare};
-use neubrdf::train::{Evaluator, Group, GroupReport, Model, Plan, Report, Session, cluster};
+use neubrdf::train::{Evaluator, Group, GroupReport, Model, Plan, Recipe, Report, Session, cluster};
 
 use super::brdf_input::BrdfInput;
 use super::job::check_writable;
@@ -104,11 +104,19 @@ fn numbered(path: &Path, index: usize, count: usize) -> PathBuf {
     path.with_file_name(format!("{stem}-{}{ending}", index + 1))
 }
 
-/// A plan of all members, which have one recipe, but the grid that suits their measurements.
+/// A plan of all members, which have one recipe, but the grid that suits their measurements. Codes are shared better on several resolutions
+/// (docs/sharing.md); few measurements may have no room for them.
 fn plans(arguments: &Arguments, members: &[&Member]) -> Vec<Plan> {
+    let Arguments { recipe, resolutions, features, codes, .. } = *arguments;
     let is_isotropic = members.iter().all(|member| member.input.brdf.is_isotropic());
-    let of = |member: &&Member| plan(arguments, &member.input, is_isotropic);
-    members.iter().map(of).map(|plan| plan.for_group(members.len(), arguments.codes)).collect()
+    let are_functions = members.iter().all(|member| member.input.sample_count().is_none());
+    let is_free = recipe == Recipe::Default && resolutions.is_none() && features.is_none();
+    let of = |member: &&Member| {
+        let plan = plan(arguments, &member.input, is_isotropic);
+        let plan = if is_free && are_functions { plan.of_several_resolutions() } else { plan };
+        plan.for_group(members.len(), codes)
+    };
+    members.iter().map(of).collect()
 }
 
 fn train_group(

@@ -115,14 +115,12 @@ impl Plan {
             Quality::Default => (32_000 * more, 1024, 1 << 20),
             Quality::Best => (80_000 * more, 2048, 1 << 22),
         };
-        // Narrow anisotropic lobes gain much by several resolutions; isotropic ones lose a little of their albedo (docs/training.md).
-        let (resolutions, features) = if is_isotropic { (1, 12) } else { (3, 4) };
         let plan = Plan {
             model,
             recipe,
             n_side: [16; 2],
-            resolutions,
-            features,
+            resolutions: 1,
+            features: 12,
             codes: [MOST_CODES; 2],
             surface: None,
             hidden: 64,
@@ -138,12 +136,21 @@ impl Plan {
         let papers_sizes =
             Plan { n_side: [64; 2], resolutions: 1, features: 16, corner_weights: CornerWeights::Uniform, ..plan };
         match recipe {
-            Recipe::Default => plan,
+            // Narrow anisotropic lobes gain much by several resolutions; isotropic ones lose a little of their albedo (docs/training.md).
+            Recipe::Default if is_isotropic => plan,
+            Recipe::Default => plan.of_several_resolutions(),
             Recipe::Unquantised => papers_sizes,
             Recipe::Paper => {
                 Plan { codes: [256; 2], hidden: 128, steps: steps / 8, batch: 2048, table_rate: 1e-2, ..papers_sizes }
             }
         }
+    }
+
+    /// The same on three resolutions, or as many as the grids have, of 12 features in all.
+    pub fn of_several_resolutions(self) -> Plan {
+        let n_side = self.n_side.into_iter().min().unwrap_or(1).max(1);
+        let resolutions = (n_side.ilog2() as usize + 1).min(3);
+        Plan { resolutions, features: 12 / resolutions, ..self }
     }
 
     /// The same for a material that varies, over so many texels across and down.
