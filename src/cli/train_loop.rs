@@ -16,7 +16,7 @@ const CHECKPOINT_INTERVAL: f64 = 30.0;
 const STRIDE: u32 = 16;
 
 /// What can be trained.
-pub trait Training {
+pub trait Training: Send {
     /// Steps to take in all.
     fn planned(&self) -> u32;
     fn steps(&self) -> u32;
@@ -99,11 +99,14 @@ pub fn train(
     let mut last_checkpoint = Instant::now();
     let mut is_winding_down = false;
     while !training.is_done() {
-        for _ in 0..STRIDE {
-            if !training.is_done() {
-                training.step();
+        // On one of the threads that share the work of each step: handing it over costs more than some of what it does.
+        rayon::scope(|_| {
+            for _ in 0..STRIDE {
+                if !training.is_done() {
+                    training.step();
+                }
             }
-        }
+        });
         bar.set_position(training.steps().into());
         bar.set_message(format!("loss {:.5}", training.loss()));
         if is_winding_down {

@@ -2,6 +2,7 @@
 
 use glam::DVec3;
 
+use super::vector::weighted_sum;
 use crate::material::turned;
 use crate::scene::brdf::{CornerWeights, Footprint, SphereTable, SurfaceGrid};
 
@@ -61,18 +62,11 @@ pub fn gather_features(tables: &[Rows], corners: &[Corners], texels: Option<&Tex
     for (table, at) in tables.iter().zip(corners) {
         let (out, after) = rest.split_at_mut(table.features);
         rest = after;
-        let [a, b, c, d] = at.points.map(|point| table.row(point));
-        let [p, q, r, s] = at.weights;
-        for (f, out) in out.iter_mut().enumerate() {
-            *out = p * a[f] + q * b[f] + r * c[f] + s * d[f];
-        }
+        weighted_sum(at.points.map(|point| table.row(point)), at.weights, out);
     }
     if let (Some(table), Some(texels)) = (tables.get(corners.len()), texels) {
         let out = &mut rest[..table.features];
-        out.fill(0.0);
-        for (point, weight) in texels.points.into_iter().zip(texels.weights) {
-            out.iter_mut().zip(table.row(point)).for_each(|(out, feature)| *out += weight * feature);
-        }
+        weighted_sum(texels.points.map(|point| table.row(point)), texels.weights, out);
     }
 }
 

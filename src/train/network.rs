@@ -2,7 +2,7 @@
 
 use pulp::Arch;
 
-use super::product::{Left, multiply_add, padded};
+use super::product::{LANES, Left, Then, multiply, padded};
 use super::random::Random;
 
 /// Where a layer's numbers are in [`Network::parameters`]: weights, inputs × padded outputs, then the padded bias.
@@ -104,14 +104,10 @@ impl Network {
         for (layer, shape) in self.shapes.iter().enumerate() {
             let (before, after) = shard.activations.split_at_mut(layer + 1);
             let (input, output) = (&before[layer], &mut after[0]);
-            let columns = shape.columns();
-            let bias = &self.parameters[shape.bias_start()..shape.end()];
-            output.chunks_exact_mut(columns).for_each(|row| row.copy_from_slice(bias));
-            let left = Left { data: input, row_stride: padded(shape.inputs), inner_stride: 1 };
-            multiply_add(left, shape.inputs, &self.parameters[shape.start..shape.bias_start()], columns, output);
-            if layer < last {
-                Arch::new().dispatch(|| output.iter_mut().for_each(|value| *value = value.max(0.0)));
-            }
+            let (weights, bias) = self.parameters[shape.start..shape.end()].split_at(shape.inputs * shape.columns());
+            let then = if layer < last { Then::Relu(bias) } else { Then::Offset(bias) };
+            let left = Left::Rows(input, padded(shape.inputs));
+            multiply(left, shape.inputs, weights, shape.columns(), then, output);
         }
     }
 
@@ -123,25 +119,22 @@ impl Network {
             let (input, columns, stride) = (&shard.activations[layer], shape.columns(), padded(shape.inputs));
 
             let (weights, bias) = shard.gradient[shape.start..shape.end()].split_at_mut(shape.inputs * columns);
-            let left = Left { data: input, row_stride: 1, inner_stride: stride };
-            multiply_add(left, shard.rows, output_gradient, columns, weights);
+            multiply(Left::Columns(input, stride), shard.rows, output_gradient, columns, Then::Add, weights);
+            let rows = output_gradient.as_chunks::<LANES>().0;
             Arch::new().dispatch(|| {
-                for row in output_gradient.chunks_exact(columns) {
-                    bias.iter_mut().zip(row).for_each(|(sum, value)| *sum += value);
+                for (block, bias) in bias.as_chunks_mut::<LANES>().0.iter_mut().enumerate() {
+                    let mut sums = [0.0; LANES];
+                    for row in rows[block..].iter().step_by(columns / LANES) {
+                        sums.iter_mut().zip(row).for_each(|(sum, value)| *sum += value);
+                    }
+                    bias.iter_mut().zip(sums).for_each(|(bias, sum)| *bias += sum);
                 }
             });
 
-            input_gradient.fill(0.0);
-            let left = Left { data: output_gradient, row_stride: columns, inner_stride: 1 };
             let weights = &transposed[shape.transposed_start..][..shape.outputs * stride];
-            multiply_add(left, shape.outputs, weights, stride, input_gradient);
-            if layer > 0 {
-                Arch::new().dispatch(|| {
-                    for (gradient, value) in input_gradient.iter_mut().zip(input) {
-                        *gradient = if *value > 0.0 { *gradient } else { 0.0 };
-                    }
-                });
-            }
+            let left = Left::Rows(output_gradient, columns);
+            let then = if layer > 0 { Then::SetWhereAbove0(input) } else { Then::Set };
+            multiply(left, shape.outputs, weights, stride, then, input_gradient);
         }
     }
 }

@@ -13,6 +13,7 @@ use super::network::{Network, Shard};
 use super::product::padded;
 use super::random::Random;
 use super::table::{Quantiser, Table, TableStep};
+use super::vector::add_scaled;
 use crate::scene::brdf::{Footprint, SurfaceGrid};
 
 /// What the network sees of the pairs to learn from.
@@ -108,7 +109,7 @@ pub struct Rates {
 const FARTHEST: f32 = 1.0;
 
 /// Rows of a shard.
-const SHARD: usize = 256;
+const SHARD: usize = 128;
 
 /// Pairs that stay together when the pool is shuffled, for the caches' sake.
 const BLOCK: usize = 64;
@@ -175,23 +176,20 @@ impl Trainer {
 
     /// One step over `batch` pairs (a multiple of 256). Returns their mean loss.
     pub fn train(&mut self, batch: usize, rates: Rates) -> f64 {
-        let loss = self.find_gradients(batch, rates);
-        let at = self.table_step(rates);
-        let (network, adam, sum) = (&mut self.network, &mut self.adam, &self.sum);
-        let update_network = || adam.step(0, &mut network.parameters, sum, rates.network, at.step);
-        let (tables, scatters) = (&mut self.tables, &self.scatters);
-        let update_tables = || {
-            if rates.tables > 0.0 {
-                let both = tables.par_iter_mut().zip(scatters);
-                both.for_each(|(table, scatter)| table.step(&scatter.gradient, &scatter.touched, at));
-            }
-        };
-        rayon::join(update_network, update_tables);
+        let (blocks, loss) = self.run_shards(batch, rates);
+        self.add_up(&blocks, rates, Some(self.table_step(rates)));
         loss
     }
 
     /// The gradients of a step over `batch` pairs, which counts as done. Returns the mean loss.
     pub fn find_gradients(&mut self, batch: usize, rates: Rates) -> f64 {
+        let (blocks, loss) = self.run_shards(batch, rates);
+        self.add_up(&blocks, rates, None);
+        loss
+    }
+
+    /// Takes `batch` pairs through the network and back, a shard each by itself. Returns their blocks and their mean loss.
+    fn run_shards(&mut self, batch: usize, rates: Rates) -> (Vec<u32>, f64) {
         let shard_count = batch / SHARD;
         let blocks = self.blocks(batch / BLOCK);
         if self.shards.len() != shard_count || self.shards[0].gradient.len() != self.network.parameters.len() {
@@ -210,41 +208,53 @@ impl Trainer {
         });
         self.step += 1;
         self.adam_step += 1;
-        let Trainer { network, tables, pool, shards, scatters, sum, .. } = self;
+        let loss = self.shards.iter().map(|shard| shard.loss).sum::<f64>() / (3 * batch) as f64;
+        (blocks, loss)
+    }
+
+    /// Adds the shards' gradients up, and moves what is learned against them where `step` says how.
+    fn add_up(&mut self, blocks: &[u32], rates: Rates, step: Option<TableStep>) {
+        let Trainer { network, adam, tables, pool, shards, scatters, sum, .. } = self;
         let shards = &*shards;
-        let add_shards = || {
+        let of_network = || {
             sum.clear();
             sum.extend(network.parameters.iter().map(|parameter| rates.sparsity * parameter.signum()));
             for shard in shards {
                 sum.iter_mut().zip(&shard.gradient).for_each(|(sum, value)| *sum += value);
             }
+            if let Some(step) = step {
+                adam.step(0, &mut network.parameters, sum, rates.network, step.step);
+            }
         };
-        let scatter = || {
+        let of_tables = || {
             let Inputs::Corners(sides, corners) = &pool.inputs else { return };
             if rates.tables == 0.0 {
                 return;
             }
-            let mut end = 0;
-            let columns = tables.iter().map(|table| {
-                end += table.features;
-                end - table.features..end
+            let starts = tables.iter().scan(0, |end, table| {
+                *end += table.features;
+                Some(*end - table.features)
             });
-            let columns: Vec<Range<usize>> = columns.collect();
-            scatters.par_iter_mut().zip(columns).enumerate().for_each(|(side, (scatter, columns))| {
-                match (&pool.places, side) {
-                    (Some(places), side) if side == *sides => scatter.add(columns, &blocks, shards, |pair| {
+            let starts: Vec<usize> = starts.collect();
+            let each = tables.par_iter_mut().zip(scatters).zip(starts).enumerate();
+            each.for_each(|(side, ((table, scatter), start))| {
+                let columns = start..start + table.features;
+                match &pool.places {
+                    Some(places) if side == *sides => scatter.add(columns, blocks, shards, |pair| {
                         let Texels { points, weights } = places.texels(pair);
                         (points, weights)
                     }),
-                    _ => scatter.add(columns, &blocks, shards, |pair| {
+                    _ => scatter.add(columns, blocks, shards, |pair| {
                         let Corners { points, weights } = corners[pair * sides + side];
                         (points, weights)
                     }),
                 }
+                if let Some(step) = step {
+                    table.step(&scatter.gradient, &scatter.touched, step);
+                }
             });
         };
-        rayon::join(add_shards, scatter);
-        shards.iter().map(|shard| shard.loss).sum::<f64>() / (3 * batch) as f64
+        rayon::join(of_network, of_tables);
     }
 
     /// What the last gradients do to tables.
@@ -426,7 +436,7 @@ impl Scatter {
                         self.touched.push(point);
                     }
                     let to = &mut self.gradient[point as usize * features..][..features];
-                    to.iter_mut().zip(row).for_each(|(to, value)| *to += weight * value);
+                    add_scaled(to, weight, row);
                 }
             }
         }

@@ -2,11 +2,38 @@
 
 use rayon::prelude::*;
 
-use super::product::{Left, multiply_add, padded};
+use super::product::{Left, Then, multiply, padded};
 
 /// Σ aᵢbᵢ.
 pub fn dot(a: &[f32], b: &[f32]) -> f32 {
     a.iter().zip(b).map(|(a, b)| a * b).sum()
+}
+
+/// out = Σ factorᵢ · rowᵢ, all of one length.
+#[inline]
+pub fn weighted_sum<const N: usize>(rows: [&[f32]; N], factors: [f32; N], out: &mut [f32]) {
+    let (blocks, rest) = out.as_chunks_mut::<4>();
+    for (at, block) in blocks.iter_mut().enumerate() {
+        let rows = rows.map(|row| &row.as_chunks::<4>().0[at]);
+        *block = [0.0; 4];
+        for (row, factor) in rows.into_iter().zip(factors) {
+            block.iter_mut().zip(row).for_each(|(sum, x)| *sum += factor * x);
+        }
+    }
+    let done = 4 * blocks.len();
+    for (at, sum) in rest.iter_mut().enumerate() {
+        *sum = rows.iter().zip(factors).map(|(row, factor)| factor * row[done + at]).sum();
+    }
+}
+
+/// sum += factor · row.
+#[inline]
+pub fn add_scaled(sum: &mut [f32], factor: f32, row: &[f32]) {
+    let ((sums, sum), (rows, row)) = (sum.as_chunks_mut::<4>(), row.as_chunks::<4>());
+    for (sum, row) in sums.iter_mut().zip(rows) {
+        sum.iter_mut().zip(row).for_each(|(sum, x)| *sum += factor * x);
+    }
+    sum.iter_mut().zip(row).for_each(|(sum, x)| *sum += factor * x);
 }
 
 /// For each of `points` (count × features) the row of `rows` that is nearest; the first of equals.
@@ -24,8 +51,7 @@ pub fn nearest(rows: &[f32], features: usize, points: &[f32]) -> Vec<u32> {
     let mut result = vec![0; points.len() / features];
     result.par_chunks_mut(TOGETHER).zip(points.par_chunks(TOGETHER * features)).for_each(|(result, points)| {
         let mut products = offsets.repeat(result.len());
-        let left = Left { data: points, row_stride: features, inner_stride: 1 };
-        multiply_add(left, features, &transposed, columns, &mut products);
+        multiply(Left::Rows(points, features), features, &transposed, columns, Then::Add, &mut products);
         for (result, products) in result.iter_mut().zip(products.chunks_exact(columns)) {
             *result = highest(products) as u32;
         }
