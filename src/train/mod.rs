@@ -9,6 +9,7 @@ pub mod ball;
 pub mod check;
 mod checkpoint;
 pub mod cluster;
+mod energy;
 mod evaluator;
 mod gather;
 mod group;

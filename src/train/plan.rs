@@ -49,6 +49,9 @@ const GROUP_CODES: usize = 1024;
 /// Pairs of all members of a group, of 80 bytes each.
 const GROUP_PAIRS: usize = 1 << 24;
 
+/// What an albedo above 1 counts in a training of measurements.
+const ENERGY: f32 = 1.0;
+
 /// Codes of texels where there are more texels than an index can name.
 const MANY_CODES: usize = 4096;
 
@@ -103,17 +106,20 @@ pub struct Plan {
     pub network_rate: f32,
     /// Learning rate of codes and points at the start.
     pub table_rate: f32,
+    /// What an albedo above 1 counts: the square of its logarithm times this, beside the mean loss of a pair. 0: it is not looked at.
+    #[serde(default)]
+    pub energy: f32,
 }
 
 impl Plan {
     /// The plan of a recipe at a quality.
     pub fn new(model: Model, recipe: Recipe, quality: Quality, is_isotropic: bool) -> Plan {
         // Anisotropic materials have all of both hemispheres to learn.
-        let more = if is_isotropic { 1 } else { 2 };
+        let of_kind = |[isotropic, anisotropic]: [u32; 2]| if is_isotropic { isotropic } else { anisotropic };
         let (steps, batch, pairs) = match quality {
-            Quality::Draft => (4_000 * more, 512, 1 << 18),
-            Quality::Default => (32_000 * more, 1024, 1 << 20),
-            Quality::Best => (80_000 * more, 2048, 1 << 22),
+            Quality::Draft => (of_kind([4_000, 8_000]), 512, 1 << 18),
+            Quality::Default => (of_kind([48_000, 64_000]), 1024, 1 << 20),
+            Quality::Best => (of_kind([80_000, 160_000]), 2048, 1 << 22),
         };
         let plan = Plan {
             model,
@@ -132,6 +138,7 @@ impl Plan {
             steps,
             network_rate: 1e-2,
             table_rate: 3e-2,
+            energy: 0.0,
         };
         let papers_sizes =
             Plan { n_side: [64; 2], resolutions: 1, features: 16, corner_weights: CornerWeights::Uniform, ..plan };
@@ -183,11 +190,11 @@ impl Plan {
     }
 
     /// Coarsens the grids, so that a few measurements tell something of each point: of an isotropic material 96 N² of them are ten
-    /// or more a point.
+    /// or more a point. Where they tell nothing, the albedo is held below 1.
     pub fn for_samples(self, count: usize) -> Plan {
         let n_side = (0..=4).map(|power| 1 << power).take_while(|n| 96 * n * n <= count as u32).last().unwrap_or(1);
         let resolutions = self.resolutions.min(n_side.ilog2() as usize + 1);
-        Plan { n_side: self.n_side.map(|finest| finest.min(n_side)), resolutions, ..self }
+        Plan { n_side: self.n_side.map(|finest| finest.min(n_side)), resolutions, energy: ENERGY, ..self }
     }
 
     /// The same for each of `members` materials that share a codebook a hemisphere: `codes` codes, or what is enough for many. Of

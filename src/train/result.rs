@@ -109,6 +109,16 @@ pub fn whole_table(grid: SphereGrid) -> SphereTable {
     SphereTable { grid, codebook, indices: vec![0; grid.point_count()], levels: Vec::new() }
 }
 
+/// A grid in which pixels that no pair lies in are merged, and each point names a point whose features it has, itself if it can.
+pub fn merged_table(grid: SphereGrid, seen: &[bool]) -> SphereTable {
+    let mut table = whole_table(grid);
+    // Grids whose points are more than can be named are far finer than those that measurements are learned on.
+    let most = usize::from(NO_CODE) - 1;
+    table.indices = (0..grid.point_count()).map(|point| point.min(most) as u16).collect();
+    table.prune(|pixel| seen[pixel as usize]);
+    table
+}
+
 /// The network of an NBRDF, if it is one.
 pub fn nbrdf(network: &Network) -> Option<Nbrdf> {
     let [first, second, third] = network.shapes.as_slice() else { return None };

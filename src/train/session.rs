@@ -5,13 +5,14 @@ use std::f32::consts::PI;
 use glam::DVec3;
 use rayon::prelude::*;
 
+use super::energy::{self, Probes};
 use super::gather::{Corners, in_frame};
 use super::network::Network;
 use super::pairs::{GroundTruth, Pair, about_frames};
 use super::plan::{Model, Plan, Recipe};
 use super::prune::prune_neurons;
 use super::random::Random;
-use super::result::{TrainedPoints, layers, nbrdf, sphere_tables, surface_table, whole_table};
+use super::result::{TrainedPoints, layers, merged_table, nbrdf, sphere_tables, surface_table, whole_table};
 use super::table::{Quantiser, Table};
 use super::trainer::{Head, Inputs, Loss, Places, Pool, Rates, Trainer, Weighs};
 use super::{Error, Evaluator};
@@ -94,16 +95,20 @@ impl Session {
             seen: vec![false; grid.pixel_count()],
         };
         let mut hemispheres: Vec<Hemisphere> = grids.into_iter().map(empty).collect();
-        let inputs = match plan.model {
+        let mut inputs = match plan.model {
             Model::Nbrdf => direct_inputs(&pairs, is_isotropic),
             Model::NeuBrdf => corner_inputs(&plan, is_isotropic, &pairs, &mut hemispheres),
         };
+        let targets = pairs.iter().map(|pair| target(pair, encoding, plan.recipe)).collect();
         let place = |pair: &Pair| [pair.uv.x, pair.uv.y, pair.area];
-        let pool = Pool {
-            targets: pairs.iter().map(|pair| target(pair, encoding, plan.recipe)).collect(),
-            inputs,
-            places: texels.map(|grid| Places { grid, at: pairs.iter().map(place).collect() }),
-        };
+        let mut places = texels.map(|grid| Places { grid, at: pairs.iter().map(place).collect() });
+        let probes = (plan.energy > 0.0).then(|| {
+            let (probes, weights) = energy::draw(plan.seed, texels);
+            add_probes(&mut inputs, &probes, &plan, is_isotropic, &hemispheres);
+            places.iter_mut().for_each(|places| places.at.extend(probes.iter().map(place)));
+            Probes { weights, encoding, weight: plan.energy }
+        });
+        let pool = Pool { targets, inputs, places, probes };
         let (network, tables, head) = start(&plan, &hemispheres, texels, encoding);
         let trainer = Trainer::new(network, tables, head, pool, plan.seed);
         Ok(Session { plan, trainer, is_isotropic, encoding, hemispheres, texels, frames, loss: f64::NAN, end: None })
@@ -366,6 +371,28 @@ fn corner_inputs(plan: &Plan, is_isotropic: bool, pairs: &[Pair], hemispheres: &
         }
     }
     Inputs::Corners(tables.len(), located.into_iter().map(|(corners, _)| corners).collect())
+}
+
+/// Adds what the network sees of pairs that are asked for an albedo: pixels that no pair to learn from lies in are merged.
+fn add_probes(inputs: &mut Inputs, probes: &[Pair], plan: &Plan, is_isotropic: bool, hemispheres: &[Hemisphere]) {
+    let directions = probes.iter().map(|pair| (pair.wo.as_dvec3(), pair.wi.as_dvec3()));
+    match inputs {
+        Inputs::Direct(numbers) => {
+            numbers.extend(directions.flat_map(|(wo, wi)| half_difference(wo, wi, is_isotropic)));
+        }
+        Inputs::Corners(_, corners) => {
+            let merged = |Hemisphere { grid, seen, .. }: &Hemisphere| merged_table(*grid, seen);
+            let tables: Vec<SphereTable> = hemispheres.iter().map(merged).collect();
+            for (wo, wi) in directions {
+                let frame = in_frame(wo, wi, is_isotropic);
+                corners.extend(tables.iter().zip(frame.into_iter().cycle()).map(|(table, w)| {
+                    let at = Corners::of(table, w, plan.corner_weights);
+                    // Corners that no pair says anything of have the features of others.
+                    Corners { points: at.points.map(|point| table.indices[point as usize].into()), ..at }
+                }));
+            }
+        }
+    }
 }
 
 /// The encoding that suits these values: its gain is so high that the darker fifth of them still counts.

@@ -8,6 +8,7 @@ use std::ops::Range;
 use rayon::prelude::*;
 
 use super::adam::Adam;
+use super::energy::{DIRECTIONS, Probes};
 use super::gather::{Corners, Rows, Texels, gather_features};
 use super::network::{Network, Shard};
 use super::product::padded;
@@ -47,6 +48,8 @@ pub struct Pool {
     pub places: Option<Places>,
     /// What should come out, and the weight of the pair in the loss.
     pub targets: Vec<[f32; 4]>,
+    /// Pairs behind those to learn from, that the albedo is held below 1 at.
+    pub probes: Option<Probes>,
 }
 
 /// What the network's output stands for in the loss.
@@ -108,8 +111,8 @@ pub struct Rates {
 /// How far above its target a fit counts in [`Loss::weight`]: the first steps are wild.
 const FARTHEST: f32 = 1.0;
 
-/// Rows of a shard.
-const SHARD: usize = 128;
+/// Rows of a shard; the albedo of a view is one's.
+const SHARD: usize = DIRECTIONS;
 
 /// Pairs that stay together when the pool is shuffled, for the caches' sake.
 const BLOCK: usize = 64;
@@ -190,8 +193,9 @@ impl Trainer {
 
     /// Takes `batch` pairs through the network and back, a shard each by itself. Returns their blocks and their mean loss.
     fn run_shards(&mut self, batch: usize, rates: Rates) -> (Vec<u32>, f64) {
-        let shard_count = batch / SHARD;
-        let blocks = self.blocks(batch / BLOCK);
+        let mut blocks = self.blocks(batch / BLOCK);
+        blocks.extend(self.probe_blocks());
+        let shard_count = blocks.len() / (SHARD / BLOCK);
         if self.shards.len() != shard_count || self.shards[0].gradient.len() != self.network.parameters.len() {
             self.shards = vec![Shard::new(&self.network, SHARD); shard_count];
         }
@@ -312,6 +316,14 @@ impl Trainer {
         blake3::hash(bytemuck::cast_slice(&self.pool.targets)).to_hex().to_string()
     }
 
+    /// The blocks of the view whose albedo is looked at in the next step, if one is.
+    fn probe_blocks(&self) -> Range<u32> {
+        let Some(probes) = &self.pool.probes else { return 0..0 };
+        let view = self.step as usize % (probes.weights.len() / SHARD);
+        let start = self.pool.targets.len() + view * SHARD;
+        (start / BLOCK) as u32..((start + SHARD) / BLOCK) as u32
+    }
+
     /// The blocks of the next batch: each epoch goes through the pool in an order of its own.
     fn blocks(&mut self, count: usize) -> Vec<u32> {
         let total = self.pool.targets.len() / BLOCK;
@@ -347,6 +359,10 @@ fn gather(pool: &Pool, tables: &[Rows], blocks: &[u32], shard: &mut Shard) {
 }
 
 fn loss(pool: &Pool, head: Head, loss: Loss, scale: f32, blocks: &[u32], shard: &mut Shard) {
+    let first = blocks[0] as usize * BLOCK;
+    if let (Some(probes), Some(start)) = (&pool.probes, first.checked_sub(pool.targets.len())) {
+        return energy_loss(probes, head, start, shard);
+    }
     let mut sum = 0.0;
     let (outputs, gradients) = shard.outputs();
     let width = padded(3);
@@ -366,6 +382,23 @@ fn loss(pool: &Pool, head: Head, loss: Loss, scale: f32, blocks: &[u32], shard: 
         }
     }
     shard.loss = sum;
+}
+
+/// The loss of a view whose albedo is above 1, which is none of the mean over pairs that is reported.
+fn energy_loss(probes: &Probes, head: Head, start: usize, shard: &mut Shard) {
+    let (outputs, gradients) = shard.outputs();
+    let width = padded(3);
+    let rows = outputs.chunks_exact(width).map(|output| [0, 1, 2].map(|channel| head.encode(output[channel])));
+    let encoded: Vec<[(f32, f32); 3]> = rows.collect();
+    let values: Vec<[f32; 3]> = encoded.iter().map(|row| row.map(|(value, _)| value)).collect();
+    let mut derivatives = vec![[0.0; 3]; values.len()];
+    probes.loss(start, &values, &mut derivatives);
+    for ((gradient, derivative), encoded) in gradients.chunks_exact_mut(width).zip(&derivatives).zip(&encoded) {
+        for channel in 0..3 {
+            gradient[channel] = derivative[channel] * encoded[channel].1;
+        }
+    }
+    shard.loss = 0.0;
 }
 
 impl Loss {

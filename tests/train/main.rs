@@ -201,6 +201,31 @@ fn few_samples_are_enough_for_a_simple_material() {
     assert!(((albedo - expected) / expected).abs().max_element() < 0.2, "{albedo} {expected}");
 }
 
+/// A shiny metal seen from up to 70° alone: what is beyond was left to chance, which made more light of it than there was.
+#[test]
+fn what_no_sample_looked_at_sends_no_more_light_than_it_gets() {
+    let metal = metal(0.03, 0.03);
+    let direction = |theta: f64, phi: f64| DVec3::new(theta.sin() * phi.cos(), theta.sin() * phi.sin(), theta.cos());
+    let angles = (0..6).flat_map(|i| (0..6).flat_map(move |o| (0..7).map(move |phi| [i, o, phi].map(f64::from))));
+    let pairs: Vec<Pair> = angles
+        .map(|[i, o, phi]| {
+            let (wi, wo) = (direction(0.24 * i, 0.0), direction(0.24 * o, 0.5 * phi));
+            Pair { wo: wo.as_vec3(), wi: wi.as_vec3(), value: metal.eval(wo, wi).as_vec3(), ..Pair::default() }
+        })
+        .collect();
+    let brightest = |energy: Option<f32>| {
+        let plan = Plan { steps: 1500, ..small(Recipe::Default).for_samples(pairs.len()) };
+        let plan = Plan { energy: energy.unwrap_or(plan.energy), ..plan };
+        let truth = GroundTruth::Samples { pairs: pairs.clone(), is_isotropic: true };
+        let brdf = NeuBrdf::decode(&finish(&mut Session::new(plan, &truth).unwrap())).unwrap();
+        let evaluator = Evaluator::neubrdf(&brdf);
+        let albedo = |theta| directional_albedo(direction(theta, 0.0), 2048, &|pairs| evaluator.eval(pairs));
+        (0..30).map(|i| albedo(0.05 * f64::from(i)).max_element()).fold(0.0, f64::max)
+    };
+    let (held, free) = (brightest(None), brightest(Some(0.0)));
+    assert!(held < 1.05 && free > 1.1, "the largest albedo is {held}, and {free} where it is not looked at");
+}
+
 #[test]
 fn an_anisotropic_nbrdf_and_a_neubrdf_learn_the_same_metal() {
     let metal = metal(0.15, 0.4);
