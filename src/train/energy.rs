@@ -118,14 +118,14 @@ impl Probes {
 mod tests {
     use super::*;
 
-    /// f = 1/π has an albedo of 1, seen from anywhere, and so has a mirror-like lobe of that energy.
+    /// Of a white surface the albedo is 1, seen from anywhere, and so is that of a narrow lobe about the normal.
     #[test]
     fn weights_are_those_of_the_projected_hemisphere() {
         let (pairs, weights) = draw(7, None);
         let (mut white, mut narrow) = (Vec::new(), Vec::new());
         for (pairs, weights) in pairs.chunks(DIRECTIONS).zip(weights.chunks(DIRECTIONS)) {
             white.push(weights.iter().sum::<f32>() / std::f32::consts::PI);
-            // ∫ n/(2π) · cos^(n-1) · cos over the hemisphere about the mirrored view is 1 when that is the normal.
+            // n/(2π) · cosⁿ⁻² θi, n = 200, has an albedo of 1.
             let lobe = |pair: &Pair| 200.0 / std::f32::consts::TAU * pair.wi.z.powi(198);
             if pairs[0].wo.z > 0.999 {
                 narrow.push(pairs.iter().zip(weights).map(|(pair, weight)| weight * lobe(pair)).sum::<f32>());

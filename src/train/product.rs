@@ -34,8 +34,8 @@ impl Left<'_> {
                 panel.iter_mut().enumerate().for_each(|(k, packed)| *packed = from_fn(|r| rows[r][k]));
             }
             Left::Columns(data, stride) => {
-                for (packed, column) in panel.iter_mut().zip(data[inner * stride..].chunks(stride)) {
-                    packed.copy_from_slice(&column[row..row + R]);
+                for (k, packed) in panel.iter_mut().enumerate() {
+                    packed.copy_from_slice(&data[(inner + k) * stride + row..][..R]);
                 }
             }
         }
