@@ -140,8 +140,7 @@ impl Plan {
             table_rate: 3e-2,
             energy: 0.0,
         };
-        let papers_sizes =
-            Plan { n_side: [64; 2], resolutions: 1, features: 16, corner_weights: CornerWeights::Uniform, ..plan };
+        let papers_sizes = Plan { n_side: [64; 2], features: 16, corner_weights: CornerWeights::Uniform, ..plan };
         match recipe {
             // Narrow anisotropic lobes gain much by several resolutions; isotropic ones lose a little of their albedo (docs/training.md).
             Recipe::Default if is_isotropic => plan,

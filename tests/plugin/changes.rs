@@ -1,0 +1,246 @@
+//! Scenes that change while they are rendered: as if by a renderer made for what they are now.
+
+use std::sync::Arc;
+
+use glam::{Affine3A, Quat, Vec3};
+use neubrdf::plugin::{Change, Options, Renderer, Update};
+use neubrdf::render::bvh::Bvh;
+use neubrdf::render::{Features, Sampler, Settings};
+use neubrdf::scene::{Brdf, Camera, Environment, Instance, Lens, Material, Mesh, Scene, Sun, Surface};
+
+use crate::common;
+use crate::common::random_neubrdf::{Shape, random_neubrdf};
+use crate::frames::{Bits, expected, frame, options, options_of, renderer, scene};
+use crate::host::in_lavapipe_hosts;
+
+/// The view from another side.
+pub fn orbit(scene: &Scene, degrees: f32) -> Change {
+    let camera = scene.camera.clone();
+    let turn = Quat::from_rotation_y(degrees.to_radians());
+    Change::Camera(Camera { eye: camera.target + turn * (camera.eye - camera.target), ..camera })
+}
+
+/// Changes that keep the scene's features, and what the scene is afterwards.
+pub fn changes() -> Vec<(&'static str, Vec<Change>)> {
+    let scene = scene();
+    let place = Affine3A::from_scale_rotation_translation(
+        Vec3::new(1.0, 0.7, 1.3),
+        Quat::from_rotation_z(0.4),
+        Vec3::new(-0.5, 0.2, 0.3),
+    );
+    let transform = |instance| Change::Transform { instance, object_to_world: place };
+    let material = |index: u32, change: &dyn Fn(&mut Material)| {
+        let mut material = scene.materials[index as usize].clone();
+        change(&mut material);
+        Change::Material { index, material }
+    };
+    let twice = vec![
+        scene.instances[0],
+        scene.instances[1],
+        scene.instances[2],
+        Instance { mesh: 1, object_to_world: Affine3A::from_translation(Vec3::new(1.5, 0.0, -0.5)) },
+    ];
+    let sky = Environment {
+        width: 4,
+        height: 2,
+        texels: (0..8).map(|index| Vec3::splat(0.1 * index as f32)).collect(),
+        rotation_degrees: 30.0,
+    };
+    vec![
+        ("camera", vec![orbit(&scene, 35.0)]),
+        ("moved sphere", vec![transform(1)]),
+        ("moved lamp", vec![transform(2)]),
+        ("one sphere more", vec![Change::Instances(twice)]),
+        ("colour", vec![material(0, &|material| material.surface = common::diffuse(0.9))]),
+        ("roughness", vec![material(1, &|material| material.surface = common::conductor(0.5, 0.05))]),
+        ("emission", vec![material(2, &|material| material.emission = Vec3::new(1.0, 5.0, 20.0))]),
+        ("both sides", vec![material(2, &|material| material.emits_both_sides = true)]),
+        ("sky", vec![Change::Environment(Some(sky))]),
+        ("all at once", vec![orbit(&scene, -20.0), transform(2), material(2, &|m| m.emission = Vec3::splat(3.0))]),
+    ]
+}
+
+pub fn apply(scene: &mut Scene, change: &Change) {
+    match change.clone() {
+        Change::Camera(camera) => scene.camera = camera,
+        Change::Transform { instance, object_to_world } => {
+            scene.instances[instance as usize].object_to_world = object_to_world;
+        }
+        Change::Instances(instances) => scene.instances = instances,
+        Change::Material { index, material } => scene.materials[index as usize] = material,
+        change @ (Change::Brdf { .. } | Change::Deform { .. }) => panic!("{change:?}"),
+        Change::Environment(environment) => scene.environment = environment,
+        Change::Sun(sun) => scene.sun = sun,
+    }
+}
+
+#[test]
+fn a_changed_scene_is_rendered_as_by_a_renderer_made_for_it() {
+    in_lavapipe_hosts(|host| {
+        let device = host.lend();
+        // One renderer sees all changes, one after the other: what an earlier one left would show.
+        let mut changed = renderer(host, &device, scene());
+        let mut now = scene();
+        frame(host, &device, &mut changed, 1);
+        for (what, changes) in changes() {
+            changes.iter().for_each(|change| apply(&mut now, change));
+            changed.update(&changes).unwrap();
+            assert_eq!(changed.samples(), 0);
+            let (picture, status) = frame(host, &device, &mut changed, 2);
+            assert_eq!(status.samples, 2);
+            assert!(picture == expected(host, &now, 2), "{what}");
+        }
+    });
+}
+
+/// The tree that the BVH walks, and the stack of its walk, have room for more than the few instances that were there at first, and
+/// for a mesh that is another.
+#[test]
+fn a_scene_of_two_instances_may_grow() {
+    in_lavapipe_hosts(|host| {
+        let device = host.lend();
+        let mut now = scene();
+        now.meshes.remove(1);
+        now.instances = [0, 1].map(|mesh| Instance { mesh, object_to_world: Affine3A::IDENTITY }).to_vec();
+        let mut renderer = renderer(host, &device, now.clone());
+        for count in [3, 1024] {
+            // One after the other in a line, so that good trees are deep.
+            let place =
+                |index: i32| Affine3A::from_translation(Vec3::new(0.0, -0.5 * index as f32, -1.2f32.powi(index % 64)));
+            now.instances = (0..count).map(|index| Instance { mesh: 0, object_to_world: place(index) }).collect();
+            now.instances[1] = Instance { mesh: 1, object_to_world: Affine3A::IDENTITY };
+            renderer.update(&[Change::Instances(now.instances.clone())]).unwrap();
+            assert!(frame(host, &device, &mut renderer, 2).0 == expected(host, &now, 2), "{count} instances");
+        }
+    });
+}
+
+/// A tree over the triangles of a cube needs more of a stack than a good one over those of the same cube, stretched.
+#[test]
+fn a_mesh_alone_may_take_another_shape() {
+    in_lavapipe_hosts(|host| {
+        let device = host.lend();
+        let corners = |stretch: f32| {
+            (0..8u8).map(move |corner| {
+                let bit = |axis: u8| f32::from(corner >> axis & 1);
+                Vec3::new(bit(0) + stretch * f32::from(corner.pow(2)), bit(1), bit(2))
+            })
+        };
+        let sides = [[0, 1, 3, 2], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3], [4, 6, 7, 5]];
+        let mut now = scene();
+        now.meshes = vec![Mesh {
+            name: "cube".into(),
+            positions: corners(0.1).collect(),
+            triangles: sides.iter().flat_map(|[a, b, c, d]| [[*a, *b, *c], [*a, *c, *d]]).collect(),
+            materials: vec![0],
+            ..Mesh::default()
+        }];
+        now.instances.truncate(1);
+        let stack = Bvh::over_triangles(&now.meshes[0]).stack;
+        let mut renderer = renderer(host, &device, now.clone());
+        now.meshes[0].positions = corners(0.0).collect();
+        assert!(Bvh::over_triangles_within(&now.meshes[0], stack).stack > stack);
+        let positions = now.meshes[0].positions.clone();
+        let deform = Change::Deform { mesh: 0, positions, normals: vec![], from: None, by: Update::Rebuild };
+        renderer.update(&[deform]).unwrap();
+        assert!(frame(host, &device, &mut renderer, 2).0 == expected(host, &now, 2));
+    });
+}
+
+#[test]
+fn what_was_reserved_may_come_and_go() {
+    in_lavapipe_hosts(|host| {
+        let device = host.lend();
+        let lens = Lens { radius: 0.1, focus_distance: 4.0 };
+        let sun = Sun { direction: Vec3::new(0.6, 0.8, 0.0), irradiance: Vec3::splat(2.0) };
+        let mut with_all = scene();
+        with_all.camera.lens = Some(lens);
+        with_all.sun = Some(sun);
+        let reserve = Features { lens: true, sun: true, ..Features::NONE };
+        let mut renderer = Renderer::new(&device, scene(), &Options { reserve, ..options_of(host) }).unwrap();
+        frame(host, &device, &mut renderer, 1);
+        let camera = |lens| Change::Camera(Camera { lens, ..scene().camera });
+        renderer.update(&[camera(Some(lens)), Change::Sun(Some(sun))]).unwrap();
+        assert!(frame(host, &device, &mut renderer, 2).0 == expected(host, &with_all, 2));
+
+        // All lights off, one by one: the sun, the sky, the lamp. What is left is black.
+        let mut dark = scene().materials[2].clone();
+        dark.emission = Vec3::ZERO;
+        renderer.update(&[camera(None), Change::Sun(None)]).unwrap();
+        assert!(mean(&frame(host, &device, &mut renderer, 4).0) > 0.01);
+        renderer.update(&[Change::Environment(None)]).unwrap();
+        assert!(mean(&frame(host, &device, &mut renderer, 4).0) > 0.01);
+        renderer.update(&[Change::Material { index: 2, material: dark }]).unwrap();
+        assert!(mean(&frame(host, &device, &mut renderer, 4).0) == 0.0);
+        renderer.update(&[Change::Sun(Some(sun))]).unwrap();
+        assert!(mean(&frame(host, &device, &mut renderer, 4).0) > 0.01);
+    });
+}
+
+/// A scene whose ball and floor have NeuBRDFs, and others to come.
+#[test]
+fn brdfs_of_files_may_come_while_it_renders() {
+    in_lavapipe_hosts(|host| {
+        let device = host.lend();
+        let small = Shape { n_side: 4, features: 4, codes: 60, hidden: &[12, 16, 12], ..Shape::FULL };
+        let model = |shape, seed| Arc::new(Brdf::NeuBrdf(Box::new(random_neubrdf(shape, seed))));
+        let mut now = scene();
+        now.brdfs = vec![model(small, 1), model(small, 2)];
+        now.materials[0].surface = Surface::Measured { brdf: 0 };
+        now.materials[1].surface = Surface::Measured { brdf: 1 };
+        let reserve = Features { neubrdf_queues: 3, ..Features::NONE };
+        let mut renderer = Renderer::new(&device, now.clone(), &Options { reserve, ..options_of(host) }).unwrap();
+        frame(host, &device, &mut renderer, 1);
+
+        now.brdfs[0] = model(small, 3);
+        renderer.update(&[Change::Brdf { index: 0, brdf: now.brdfs[0].clone() }]).unwrap();
+        assert!(frame(host, &device, &mut renderer, 2).0 == expected(host, &now, 2), "in the place of another");
+
+        now.brdfs.push(model(small, 4));
+        now.materials[1].surface = Surface::Measured { brdf: 2 };
+        let material = now.materials[1].clone();
+        let added = [Change::Brdf { index: 2, brdf: now.brdfs[2].clone() }, Change::Material { index: 1, material }];
+        renderer.update(&added).unwrap();
+        assert!(frame(host, &device, &mut renderer, 2).0 == expected(host, &now, 2), "after the last");
+
+        let wide = Shape { hidden: &[32, 16, 12], ..small };
+        for (index, brdf, says) in
+            [(0, model(wide, 5), "wider"), (3, model(small, 5), "so many"), (7, model(small, 5), "at most 3")]
+        {
+            let error = renderer.update(&[Change::Brdf { index, brdf }]).unwrap_err();
+            assert!(error.to_string().contains(says), "{says}: {error}");
+        }
+        assert_eq!(*renderer.scene(), now);
+    });
+}
+
+fn mean(picture: &Bits) -> f64 {
+    picture.iter().map(|pixel| f64::from(f32::from_bits(pixel[1]))).sum::<f64>() / picture.len() as f64
+}
+
+/// A sun that goes takes its share of the light table with it: what is left is as bright as in a scene that never had one.
+#[test]
+fn a_sun_that_is_gone_leaves_no_bias() {
+    in_lavapipe_hosts(|host| {
+        let device = host.lend();
+        let settings = Settings { sampler: Sampler::Pcg, ..options().settings };
+        let mut lit = scene();
+        lit.environment = changes().into_iter().find_map(|(_, changes)| match changes.into_iter().next() {
+            Some(Change::Environment(sky)) => sky,
+            _ => None,
+        });
+        let reserve = Features { sun: true, ..Features::NONE };
+        let with = Options { settings, reserve, ..options_of(host) };
+        let mut sunless = Renderer::new(&device, lit.clone(), &with).unwrap();
+        let never = Options { settings: Settings { seed: 99, ..settings }, ..options_of(host) };
+        let mut never = Renderer::new(&device, lit, &never).unwrap();
+        let [a, b] = [&mut sunless, &mut never].map(|renderer| frame(host, &device, renderer, 64).0);
+        let differences: Vec<f64> =
+            a.iter().zip(&b).map(|(a, b)| f64::from(f32::from_bits(a[1])) - f64::from(f32::from_bits(b[1]))).collect();
+        let count = differences.len() as f64;
+        let mean = differences.iter().sum::<f64>() / count;
+        let variance = differences.iter().map(|d| (d - mean).powi(2)).sum::<f64>() / (count - 1.0);
+        let z = mean / (variance / count).sqrt();
+        assert!(z.abs() < 4.0, "the pictures differ by {z} standard errors");
+    });
+}
