@@ -9,7 +9,7 @@ use std::f64::consts::{FRAC_1_PI, FRAC_PI_2, PI, TAU};
 
 use glam::{DVec2, DVec3};
 
-use super::pairs::{Pair, Place};
+use super::pairs::{LOWEST, Pair, Place, direction};
 use super::random::Random;
 use crate::scene::brdf::{Encoding, SurfaceGrid};
 
@@ -43,7 +43,7 @@ pub fn draw(seed: u64, grid: Option<SurfaceGrid>) -> (Vec<Pair>, Vec<f32>) {
             0 => random.next_f64().sqrt().asin(),
             _ => FRAC_PI_2 * random.next_f64(),
         };
-        let wo = direction(theta.cos().max(1e-3), TAU * random.next_f64());
+        let wo = direction(theta.min(LOWEST.acos()), TAU * random.next_f64());
         let place = grid.map(|grid| {
             let place = Place::draw(&grid, &mut random);
             (place.uv.as_vec2(), place.area(&grid) as f32)
@@ -62,13 +62,13 @@ fn lights(wo: DVec3, random: &mut Random) -> Vec<(DVec3, f64)> {
     let strata = (0..STRATA * STRATA).map(|i| DVec2::new((i % STRATA) as f64, (i / STRATA) as f64));
     let points: Vec<DVec2> =
         strata.map(|at| (at + DVec2::new(random.next_f64(), random.next_f64())) / STRATA as f64).collect();
-    let by_cosine = points.clone().into_iter().map(|u| direction((1.0 - u.x).sqrt(), TAU * u.y));
+    let by_cosine = points.clone().into_iter().map(|u| direction(u.x.sqrt().asin(), TAU * u.y));
     let mirrored = points.into_iter().map(move |u| {
-        let half = direction((FRAC_PI_2 * u.x * u.x).cos(), TAU * u.y);
+        let half = direction(FRAC_PI_2 * u.x * u.x, TAU * u.y);
         2.0 * wo.dot(half) * half - wo
     });
     let weighted = |wi: DVec3| {
-        if wi.z < 1e-3 {
+        if wi.z < LOWEST {
             return (DVec3::Z, 0.0);
         }
         // Both ways of drawing could have given it (the balance heuristic).
@@ -84,11 +84,6 @@ fn mirrored_density(wo: DVec3, wi: DVec3) -> f64 {
     let theta = half.z.min(1.0).acos().max(1e-6);
     let u = (theta / FRAC_PI_2).sqrt();
     1.0 / (PI * u) / (TAU * theta.sin()) / (4.0 * wo.dot(half).abs().max(1e-6))
-}
-
-fn direction(cos: f64, phi: f64) -> DVec3 {
-    let sin = (1.0 - cos * cos).max(0.0).sqrt();
-    DVec3::new(sin * phi.cos(), sin * phi.sin(), cos)
 }
 
 impl Probes {

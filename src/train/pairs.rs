@@ -223,8 +223,9 @@ fn draw_grazing(share: f64, random: &mut Random) -> (DVec3, DVec3) {
 }
 
 /// Directions closer to the surface than this are not drawn: there is no light to carry.
-const LOWEST: f64 = 1e-3;
+pub(super) const LOWEST: f64 = 1e-3;
 
-fn direction(theta: f64, phi: f64) -> DVec3 {
+/// The unit vector at these angles.
+pub(super) fn direction(theta: f64, phi: f64) -> DVec3 {
     DVec3::new(theta.sin() * phi.cos(), theta.sin() * phi.sin(), theta.cos())
 }
