@@ -234,7 +234,7 @@ fn alone(mesh: Mesh) -> Scene {
         film: Film { width: 1, height: 1 },
         meshes: vec![mesh],
         instances: vec![Instance { mesh: 0, object_to_world: Affine3A::IDENTITY }],
-        materials: vec![Material { name: "grey".into(), surface, emission: Vec3::ZERO, emits_both_sides: false }],
+        materials: vec![Material::new("grey", surface)],
         textures: vec![],
         brdfs: vec![],
         environment: None,

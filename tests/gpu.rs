@@ -277,7 +277,7 @@ fn square(device: &Arc<Device>) -> Arc<Blas> {
 fn at(blas: &Arc<Blas>, translation: [f32; 3], custom_index: u32) -> TlasInstance {
     let [x, y, z] = translation;
     let transform = [1.0, 0.0, 0.0, x, 0.0, 1.0, 0.0, y, 0.0, 0.0, 1.0, z];
-    TlasInstance { blas: blas.clone(), transform, custom_index, mask: 0xff }
+    TlasInstance { blas: blas.clone(), transform, custom_index, mask: 0xff, has_holes: false }
 }
 
 #[test]

@@ -20,7 +20,7 @@ const GREY: Vec3 = Vec3::new(0.8, 0.5, 0.2);
 
 fn diffuse(albedo: Vec3) -> Material {
     let surface = Surface::Diffuse { albedo: Color::constant(albedo) };
-    Material { name: "diffuse".into(), surface, emission: Vec3::ZERO, emits_both_sides: false }
+    Material::new("diffuse", surface)
 }
 
 fn light(emission: f32) -> Material {

@@ -555,6 +555,21 @@ fn only_scenes_with_materials_that_vary_keep_footprints() {
     assert!(constant.lacks_of(&varies).is_some() && varies.lacks_of(&constant).is_none());
 }
 
+/// A scene without holes is rendered by kernels that do not ask for them.
+#[test]
+fn only_scenes_with_holes_ask_for_them() {
+    let mut scene = still_life(diffuse(0.5));
+    let features = |scene: &Scene| Features::of(scene, &LightTable::new(scene));
+    let whole = features(&scene);
+    scene.materials[1].opacity.value = 0.5;
+    let pierced = features(&scene);
+    for (features, value) in [(whole, 0), (pierced, 1)] {
+        let plans = features.kernels(Traversal::RayQuery, &settings(), 64);
+        assert!(plans.iter().all(|plan| plan.specialization.contains(&(15, value))));
+    }
+    assert!(whole.lacks_of(&pierced).is_some() && pierced.lacks_of(&whole).is_none());
+}
+
 /// Of those that vary, only scenes with frames have kernels that turn directions into them.
 #[test]
 fn only_scenes_with_frames_turn_directions() {

@@ -6,7 +6,8 @@ use std::path::{Path, PathBuf};
 use glam::{Affine3A, Mat3, Vec2, Vec3};
 use half::f16;
 use neubrdf::scene::{
-    Camera, Color, Environment, Error, Film, Fresnel, Lens, LightTable, Material, Mesh, Scene, Surface, Warning,
+    Camera, Color, Environment, Error, Film, Fresnel, Lens, LightTable, Material, Mesh, Opacity, Scene, Surface,
+    Warning,
 };
 
 /// A folder of input files that goes away with the value.
@@ -239,11 +240,30 @@ fn mtl_statements_map_onto_surfaces() {
 
 #[test]
 fn unsupported_mtl_statements_warn_once_each() {
-    let (_, warnings) = mtl("map_Ks a.png\nbump b.png\nmap_Bump c.png\nKd 2\nd .5\nPm .7\nnewmtl n\nmap_Ks x.png\n");
-    for part in ["`map_Ks`", "`map_Bump`", "clamped", "`d` below 1", "Pm 0.7 is taken as 1"] {
+    let (_, warnings) = mtl("map_Ks a.png\nbump b.png\nmap_Bump c.png\nKd 2\nPm .7\nnewmtl n\nmap_Ks x.png\n");
+    for part in ["`map_Ks`", "`map_Bump`", "clamped", "Pm 0.7 is taken as 1"] {
         assert_eq!(warnings.iter().filter(|warning| warning.contains(part)).count(), 1, "{part}: {warnings:?}");
     }
-    assert_eq!(warnings.len(), 5);
+    assert_eq!(warnings.len(), 4);
+}
+
+#[test]
+fn mtl_materials_dissolve() {
+    for (text, value, says) in [
+        ("Kd 1\n", 1.0, None),
+        ("d .25\n", 0.25, None),
+        ("d -halo .25\n", 0.25, None),
+        ("Tr .25\n", 1.0, None),
+        ("d 1.5\n", 1.0, Some("clamped to 1")),
+        ("d 0\n", 0.0, Some("cannot be seen")),
+        ("d .25\nillum 7\n", 1.0, None),
+        ("d .25\nKe 1\n", 1.0, Some("ignored, as it emits")),
+    ] {
+        let (material, warnings) = mtl(text);
+        assert_eq!(material.opacity, Opacity { value, texture: None }, "{text}");
+        assert_eq!(warnings.len(), usize::from(says.is_some()), "{text}: {warnings:?}");
+        says.iter().for_each(|part| assert!(warnings[0].contains(part), "{warnings:?}"));
+    }
 }
 
 #[test]
@@ -348,6 +368,7 @@ fn material_overrides_replace_or_amend() {
             alpha: Vec2::new(0.25, 1.0)
         }
     );
+    assert_eq!(with("opacity = 0.25\nalbedo = 1").opacity, Opacity { value: 0.25, texture: None });
     let Surface::Conductor { fresnel: Fresnel::Complex { eta, kappa }, .. } =
         with("type = 'conductor'\nmetal = 'gold'").surface
     else {
@@ -399,6 +420,9 @@ fn scene_file_errors_name_line_field_and_remedy() {
         ("[material.m]\ntype='conductor'\nmetal='brass'\n", vec!["material.m.metal", "`'brass'`", "gold"]),
         ("[material.m]\nalbedo = 1.5\n", vec!["material.m.albedo", "`1.5`", "from 0 to 1"]),
         ("[material.m]\nemission = -1\n", vec!["material.m.emission", "from 0 to 1e12"]),
+        ("[material.m]\nopacity = 1.5\n", vec!["material.m.opacity", "`1.5`", "from 0 to 1"]),
+        ("[material.m]\nopacity = 'none.png'\n", vec!["none.png: cannot be read", "s.toml:4", "material.m.opacity"]),
+        ("[material.m]\nopacity = 0.5\nemission = 1\n", vec!["material.m.opacity", "`opacity = 1`"]),
         ("[environment]\n", vec!["`file` and `radiance`"]),
         ("[environment]\nfile = 'a.obj'\n", vec!["a.obj", "an OpenEXR image"]),
         ("[environment]\nfile = 'none.exr'\n", vec!["none.exr: cannot be read", "s.toml:4", "environment.file"]),
@@ -466,6 +490,37 @@ fn textures_decode_to_linear_and_load_once() {
     assert!(warnings.iter().any(|warning| warning.contains("2 texels lie outside of [0, 1]")), "{warnings:?}");
 }
 
+/// A file is one texture as a colour and another as an opacity: its alpha, or where it has none its brightness, as it is written.
+#[test]
+fn opacities_are_alphas_or_brightnesses() {
+    let mtl = "newmtl a\nmap_Kd t.png\nmap_d t.png\nnewmtl b\nmap_d -clamp on grey.png\nd .5\nnewmtl c\nnewmtl d\nmap_d whole.png\n";
+    let obj = "mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nusemtl a\nf 1/1 2/1 3/1\nusemtl b\nf 1/1 2/1 3/1\nusemtl c\nf 1/1 2/1 3/1\nusemtl d\nf 1/1 2/1 3/1\n";
+    let toml = format!("[[mesh]]\nfile = 'a.obj'\n[material.c]\nopacity = 't.exr'\n{SKY}");
+    let folder = Folder::new(&[("a.obj", obj), ("a.mtl", mtl), ("s.toml", &toml)]);
+    let pixel = |x| image::Rgba([255, 0, 0, x as u8 * 51]);
+    image::RgbaImage::from_fn(2, 1, |x, _| pixel(x)).save(folder.path("t.png")).unwrap();
+    image::GrayImage::from_fn(2, 1, |x, _| image::Luma([51 + x as u8])).save(folder.path("grey.png")).unwrap();
+    image::RgbaImage::from_fn(1, 1, |_, _| image::Rgba([51, 51, 51, 255])).save(folder.path("whole.png")).unwrap();
+    write_exr(&folder.path("t.exr"), 1, 1, |_, _| (0.25, 0.25, 0.25));
+
+    let (scene, warnings) = folder.load("s.toml").unwrap();
+    let warnings: Vec<String> = warnings.iter().map(Warning::to_string).collect();
+    assert!(warnings.len() == 1 && warnings[0].contains("`map_d-clamp` is not supported"), "{warnings:?}");
+    let opacities: Vec<(f32, Vec<f32>)> = (0..4)
+        .map(|index| {
+            let Opacity { value, texture } = scene.materials[index].opacity;
+            let texels = &scene.textures[texture.unwrap() as usize].texels;
+            (value, texels.iter().map(|texel| texel[0].to_f32()).collect())
+        })
+        .collect();
+    let code = |code: u8| f16::from_f32(f32::from(code) / 255.0).to_f32();
+    let expected =
+        [(1.0, vec![0.0, code(51)]), (0.5, vec![code(51), code(52)]), (1.0, vec![0.25]), (1.0, vec![code(51)])];
+    assert_eq!(opacities, expected);
+    let Surface::Diffuse { albedo } = scene.materials[0].surface else { panic!("diffuse") };
+    assert_eq!(scene.textures[albedo.texture.unwrap() as usize].texels[1][0].to_f32(), 1.0);
+}
+
 #[test]
 fn environments_load_row_by_row_from_the_zenith() {
     let file = "[[mesh]]\nfile = 'a.obj'\n[environment]\nfile = 'sky.exr'\nscale = [1, 2, 4]\nrotate = 45\n";
@@ -499,12 +554,14 @@ fn the_hash_follows_the_content_and_not_the_names() {
         assert_ne!(original, hash(ROOF, "a.obj", &format!("{file}{change}")));
     }
     assert_ne!(original, hash(ROOF, "a.obj", &file.replace("radiance = 1", "radiance = 1.5")));
+    let with_holes = |opacity: f32| hash(ROOF, "a.obj", &format!("{file}[material.default]\nopacity = {opacity:?}\n"));
+    assert!(with_holes(1.0) == original && with_holes(0.5) != original && with_holes(0.25) != with_holes(0.5));
 }
 
-#[path = "../examples/make_scenes.rs"]
+#[path = "../examples/make_scenes/main.rs"]
 mod make_scenes;
 
-const SHIPPED: [&str; 7] = ["cornell", "preview", "many_lights", "furnace", "sky", "still_life", "mosaic"];
+const SHIPPED: [&str; 8] = ["cornell", "preview", "many_lights", "furnace", "sky", "still_life", "mosaic", "foliage"];
 
 fn shipped(name: &str) -> Scene {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes").join(name).join("scene.toml");
@@ -549,6 +606,7 @@ fn shipped_scenes_cover_every_feature() {
     assert!(surface(&|s| matches!(s, Surface::Dielectric { alpha, .. } if *alpha > 0.0)));
     assert!(surface(&|s| matches!(s, Surface::Coated { alpha, .. } if *alpha == 0.0)));
     assert!(surface(&|s| matches!(s, Surface::Coated { alpha, .. } if *alpha > 0.0)));
+    assert!(any(&|scene| scene.materials.iter().any(|material| material.opacity.texture.is_some())));
     assert!(any(&|scene| scene.environment.as_ref().is_some_and(|sky| sky.width == 256)));
     assert!(any(&|scene| scene.sun.is_some()));
     assert!(any(&|scene| scene.camera.lens.is_some()));

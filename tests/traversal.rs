@@ -127,12 +127,7 @@ fn scene(meshes: Vec<Mesh>, instances: Vec<Instance>) -> Scene {
         film: Film { width: 1, height: 1 },
         meshes,
         instances,
-        materials: vec![Material {
-            name: "grey".into(),
-            surface: Surface::Diffuse { albedo },
-            emission: Vec3::ZERO,
-            emits_both_sides: false,
-        }],
+        materials: vec![Material::new("grey", Surface::Diffuse { albedo })],
         textures: vec![],
         brdfs: vec![],
         environment: None,

@@ -41,8 +41,7 @@ fn for_mitsuba(brdf: &NeuBrdf) -> Value {
 
 /// A ball on a grey ground under a lamp and a sky, z up, as in benches/mitsuba_scene.py.
 fn scene(brdf: NeuBrdf) -> Scene {
-    let material =
-        |name: &str, surface, emission| Material { name: name.into(), surface, emission, emits_both_sides: false };
+    let material = |name: &str, surface, emission| Material { emission, ..Material::new(name, surface) };
     let grey = || Surface::Diffuse { albedo: Color::constant(Vec3::splat(0.5)) };
     let square = |center: Vec3, x: Vec3, y: Vec3, material| Mesh {
         positions: vec![center - x - y, center + x - y, center + x + y, center - x + y],

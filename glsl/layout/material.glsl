@@ -49,6 +49,8 @@ struct MaterialRecord {
     float base_scale;    // coated: 1 / (1 - average albedo of the coat)
     vec2 alpha;          // GGX roughness along tangent and bitangent, 0 or >= 1e-4; (0, 0) is perfectly smooth.
     uvec2 table;         // address of a CoatTable: coated with alpha > 0; of a LobeTable: sampled by lib/lobe.glsl; else null
+    float opacity;         // the probability with which a ray meets the surface,
+    uint opacity_texture;  // times the red of that texture, or NO_TEXTURE
 };
 
 uint material_family(uint flags) {

@@ -13,6 +13,7 @@
 #extension GL_KHR_shader_subgroup_shuffle : require
 
 #include "layout/scene.glsl"
+#include "lib/opacity.glsl"
 #include "lib/triangle.glsl"
 
 layout(constant_id = 10) const bool IS_PACKET = false;
@@ -80,6 +81,16 @@ Stack stacks[2];
 const uint TOP = 0u;
 const uint MESH = 1u;
 
+// The ray as it is in the world, and the instance that is walked through: what holes are asked by.
+vec3 world_origin;
+vec3 world_direction;
+uint walked_instance;
+
+// Whether the ray goes through a triangle that it meets.
+bool goes_through(uint triangle) {
+    return HAS_HOLES && goes_through(scene, Hit(walked_instance, triangle), world_origin, world_direction);
+}
+
 uint leaf_first(uint leaf) {
     return leaf & (1u << BVH_LEAF_COUNT_SHIFT) - 1u;
 }
@@ -127,6 +138,9 @@ uint trace_mesh(MeshRecord mesh, vec3 origin, vec3 direction, bool any, inout fl
 Hit trace(vec3 origin, vec3 direction, bool any, float t_max) {
     Hit hit = Hit(NO_HIT, 0u);
     t_max = usable_end(origin, direction, t_max);
+    world_origin = origin;
+    world_direction = direction;
+    walked_instance = 0u;
     if (!INSTANCED) {
         MeshRecord mesh = MeshRecord(scene.meshes.at[scene.instances.at[0].mesh]);
         hit.triangle = trace_mesh(mesh, origin, direction, any, t_max);
@@ -148,6 +162,7 @@ Hit trace(vec3 origin, vec3 direction, bool any, float t_max) {
             vec3 object_direction = mat3(to_object) * direction;
             float end = usable_end(object_origin, object_direction, t_max);
             MeshRecord mesh = MeshRecord(scene.meshes.at[scene.instances.at[index].mesh]);
+            walked_instance = index;
             uint triangle = trace_mesh(mesh, object_origin, object_direction, any, end);
             if (triangle != NO_HIT) {
                 hit = Hit(index, triangle);

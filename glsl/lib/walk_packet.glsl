@@ -113,7 +113,8 @@ uint walk_packet(BvhNodeArray nodes, LeafTriangleArray triangles, BoxRay box, Tr
         do {
             LeafTriangle candidate = leaf_triangle_packet(triangles, place);
             float t, u, v;
-            if (intersect_triangle(ray, 0.0, t_max, candidate.corner_0, candidate.corner_1, candidate.corner_2, t, u, v)) {
+            if (intersect_triangle(ray, 0.0, t_max, candidate.corner_0, candidate.corner_1, candidate.corner_2, t, u, v)
+                && !goes_through(candidate.triangle)) {
                 nearest = candidate.triangle;
                 t_max = any ? -1.0 : t;
             }

@@ -2,8 +2,6 @@
 
 use std::ffi::c_char;
 
-use glam::Vec3;
-
 use super::call::{Failure, NeubrdfResult, array, call, object, path, read, text};
 use super::host_mesh::{NeubrdfDeformation, update_by};
 use super::renderer::NeubrdfRenderer;
@@ -154,8 +152,7 @@ pub unsafe extern "C" fn neubrdf_renderer_set_material_file(
             *brdf = place_for_brdf(renderer.scene(), index)?;
             changes.push(Change::Brdf { index: *brdf, brdf: loaded });
         }
-        let name = file.display().to_string();
-        let material = Material { name, surface, emission: Vec3::ZERO, emits_both_sides: false };
+        let material = Material::new(file.display().to_string(), surface);
         changes.push(Change::Material { index, material });
         Ok(renderer.update(&changes)?)
     })

@@ -147,6 +147,10 @@ typedef enum NeubrdfReserve {
    */
   NEUBRDF_RESERVE_FOOTPRINTS = 64,
   /**
+   * Materials that let rays through.
+   */
+  NEUBRDF_RESERVE_HOLES = 128,
+  /**
    * Diffuse materials.
    */
   NEUBRDF_RESERVE_DIFFUSE = 256,
@@ -486,6 +490,14 @@ typedef struct NeubrdfMaterial {
    * Not 0 if the backs of triangles emit too.
    */
   uint32_t emits_both_sides;
+  /**
+   * The probability with which a ray goes on as if there were nothing, in [0, 1]; 0 of what emits.
+   */
+  float transparency;
+  /**
+   * 1 + the index of a texture that 1 - `transparency` is multiplied by, by its red; 0 for none.
+   */
+  uint32_t opacity_texture;
 } NeubrdfMaterial;
 
 /**

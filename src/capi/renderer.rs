@@ -57,6 +57,8 @@ pub enum NeubrdfReserve {
     Textures = 32,
     /// NeuBRDFs that vary over a texture.
     Footprints = 64,
+    /// Materials that let rays through.
+    Holes = 128,
     /// Diffuse materials.
     Diffuse = 256,
     /// Conductors.
@@ -249,7 +251,7 @@ impl NeubrdfOptions {
             (NeubrdfReserve::Sparse, Family::Sparse),
         ];
         let has = |bit: NeubrdfReserve| self.reserve & bit as u32 != 0;
-        if self.reserve & !0x7_ff7f != 0 {
+        if self.reserve & !0x7_ffff != 0 {
             return Err(Failure::argument(format!(
                 "NeubrdfOptions.reserve is {:#x}: bits of NeubrdfReserve",
                 self.reserve
@@ -265,6 +267,7 @@ impl NeubrdfOptions {
             instanced: has(NeubrdfReserve::Instances),
             textures: has(NeubrdfReserve::Textures),
             footprints: has(NeubrdfReserve::Footprints),
+            holes: has(NeubrdfReserve::Holes),
             neubrdf_queues: self.neubrdf_count.clamp(1, Features::MOST_NEUBRDF_QUEUES),
         })
     }

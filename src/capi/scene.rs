@@ -8,7 +8,8 @@ use half::f16;
 use super::call::{Failure, NeubrdfResult, array, call, end, hand_over, object, path, put, read, sized_structs, text};
 use crate::gpu::HostMesh;
 use crate::scene::{
-    Camera, Color, Environment, Film, Fresnel, Instance, Lens, Material, Mesh, Scene, Sun, Surface, Texture, Warning,
+    Camera, Color, Environment, Film, Fresnel, Instance, Lens, Material, Mesh, Opacity, Scene, Sun, Surface, Texture,
+    Warning,
 };
 
 /// What is rendered. Renderers take a copy.
@@ -101,6 +102,10 @@ pub struct NeubrdfMaterial {
     pub emission: [f32; 3],
     /// Not 0 if the backs of triangles emit too.
     pub emits_both_sides: u32,
+    /// The probability with which a ray goes on as if there were nothing, in [0, 1]; 0 of what emits.
+    pub transparency: f32,
+    /// 1 + the index of a texture that 1 - `transparency` is multiplied by, by its red; 0 for none.
+    pub opacity_texture: u32,
 }
 
 sized_structs! { NeubrdfCamera: 52, NeubrdfMesh: 56, NeubrdfMaterial: 76 }
@@ -188,8 +193,9 @@ impl NeubrdfMaterial {
             3 => Surface::Coated { albedo: color, ior, alpha: self.alpha[0] },
             other => return Err(Failure::argument(format!("NeubrdfMaterial.surface is {other}: no NeubrdfSurface"))),
         };
+        let opacity = Opacity { value: 1.0 - self.transparency, texture: self.opacity_texture.checked_sub(1) };
         let emits_both_sides = self.emits_both_sides != 0;
-        Ok(Material { name, surface, emission: self.emission.into(), emits_both_sides })
+        Ok(Material { name, surface, emission: self.emission.into(), emits_both_sides, opacity })
     }
 }
 
@@ -385,8 +391,7 @@ pub unsafe extern "C" fn neubrdf_scene_add_material_file(
         }
         let added = index_of(scene.scene.materials.len())?;
         scene.scene.brdfs.extend(brdfs);
-        let name = file.display().to_string();
-        scene.scene.materials.push(Material { name, surface, emission: Vec3::ZERO, emits_both_sides: false });
+        scene.scene.materials.push(Material::new(file.display().to_string(), surface));
         // SAFETY: as the caller says.
         unsafe { put(index, added) };
         Ok(())

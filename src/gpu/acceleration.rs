@@ -9,7 +9,7 @@ use super::commands::Commands;
 use super::device::{Device, Retired};
 use super::error::{Error, Result};
 
-/// Indexed triangles of a bottom-level structure, all opaque. The buffers may go once it is built.
+/// Indexed triangles of a bottom-level structure, all opaque unless an instance says otherwise. The buffers may go once it is built.
 #[derive(Clone, Copy, Debug)]
 pub struct BlasGeometry {
     /// Address of the vertex positions, three `f32` each, tightly packed.
@@ -51,6 +51,8 @@ pub struct TlasInstance {
     pub custom_index: u32,
     /// Rays see the instance if they share a bit with it.
     pub mask: u8,
+    /// Whether kernels that ask for it are told of each of its triangles before that counts as hit.
+    pub has_holes: bool,
 }
 
 /// A top-level structure: a scene. Keeps its meshes.
@@ -111,7 +113,11 @@ impl TlasInstance {
         let mut words = [0; 16];
         words[..12].copy_from_slice(&self.transform.map(f32::to_bits));
         words[12] = self.custom_index | u32::from(self.mask) << 24;
-        words[13] = vk::GeometryInstanceFlagsKHR::TRIANGLE_FACING_CULL_DISABLE.as_raw() << 24;
+        let mut flags = vk::GeometryInstanceFlagsKHR::TRIANGLE_FACING_CULL_DISABLE;
+        if self.has_holes {
+            flags |= vk::GeometryInstanceFlagsKHR::FORCE_NO_OPAQUE;
+        }
+        words[13] = flags.as_raw() << 24;
         let address = self.blas.structure.address;
         (words[14], words[15]) = (address as u32, (address >> 32) as u32);
         words

@@ -162,6 +162,8 @@ pub(super) fn apply(scene: &mut Scene, changes: &[Change], before: &mut Changeab
                 let now = &mut scene.materials[*index as usize];
                 let shines = |material: &Material| (material.emission, material.emits_both_sides);
                 touched.scene.lights |= shines(now) != shines(material);
+                // The top level says which instances have holes.
+                touched.scene.instances |= now.opacity.is_whole() != material.opacity.is_whole();
                 now.clone_from(material);
                 touched.scene.materials.push(*index as usize);
             }

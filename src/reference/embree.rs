@@ -73,7 +73,11 @@ impl Accelerator {
         let mut uses = vec![0; scene.meshes.len()];
         scene.instances.iter().for_each(|instance| uses[instance.mesh as usize] += 1);
 
-        let top = Tree::new(&device)?;
+        let mut flags = RTCSceneFlags::ROBUST;
+        if scene.materials.iter().any(|material| !material.opacity.is_whole()) {
+            flags |= RTCSceneFlags::CONTEXT_FILTER_FUNCTION;
+        }
+        let top = Tree::new(&device, flags)?;
         let mut meshes: Vec<Option<Tree>> = scene.meshes.iter().map(|_| None).collect();
         for (id, instance) in scene.instances.iter().enumerate() {
             let index = instance.mesh as usize;
@@ -88,7 +92,7 @@ impl Accelerator {
             let tree = match &mut meshes[index] {
                 Some(tree) => tree,
                 none => {
-                    let tree = Tree::new(&device)?;
+                    let tree = Tree::new(&device, flags)?;
                     tree.attach(&Geometry::triangles(&device, mesh)?, 0);
                     tree.commit(&device)?;
                     none.insert(tree)
@@ -115,7 +119,7 @@ impl Accelerator {
         let mut context = context(sys::RTCIntersectContextFlags::INCOHERENT);
         // SAFETY: the tree is committed and alive; both structs are initialised and live beyond the call.
         unsafe { sys::rtcIntersect1(self.top.0, &mut context, &mut ray_hit) };
-        hit(&ray_hit)
+        hit(&ray_hit.ray, &ray_hit.hit)
     }
 
     /// Whether anything is in the way.
@@ -124,6 +128,24 @@ impl Accelerator {
         let mut context = context(sys::RTCIntersectContextFlags::INCOHERENT);
         // SAFETY: as in `closest`.
         unsafe { sys::rtcOccluded1(self.top.0, &mut context, &mut ray) };
+        ray.tfar == f32::NEG_INFINITY
+    }
+
+    /// The nearest hit of those that `counts` says count, in a scene with holes. It may be asked of a hit several times, in any order.
+    pub(super) fn closest_of(&self, ray: &Ray, counts: &dyn Fn(&Hit) -> bool) -> Option<Hit> {
+        let mut ray_hit = ray_hit(ray);
+        let mut sieve = Sieve::new(counts);
+        // SAFETY: as in `closest`; the context is the sieve's first member, and the sieve lives beyond the call.
+        unsafe { sys::rtcIntersect1(self.top.0, (&raw mut sieve).cast(), &mut ray_hit) };
+        hit(&ray_hit.ray, &ray_hit.hit)
+    }
+
+    /// Whether anything is in the way that counts.
+    pub(super) fn occluded_by(&self, ray: &Ray, counts: &dyn Fn(&Hit) -> bool) -> bool {
+        let mut ray = rtc_ray(ray);
+        let mut sieve = Sieve::new(counts);
+        // SAFETY: as in `closest_of`.
+        unsafe { sys::rtcOccluded1(self.top.0, (&raw mut sieve).cast(), &mut ray) };
         ray.tfar == f32::NEG_INFINITY
     }
 
@@ -152,7 +174,7 @@ impl Accelerator {
                     size_of::<sys::RTCRayHit>(),
                 );
             }
-            hits.iter_mut().zip(&stream).for_each(|(slot, ray_hit)| *slot = hit(ray_hit));
+            hits.iter_mut().zip(&stream).for_each(|(slot, found)| *slot = hit(&found.ray, &found.hit));
         });
         hits
     }
@@ -196,10 +218,40 @@ fn context(flags: sys::RTCIntersectContextFlags) -> sys::RTCIntersectContext {
     sys::RTCIntersectContext { flags, filter: None, instID: [NOTHING] }
 }
 
-fn hit(ray_hit: &sys::RTCRayHit) -> Option<Hit> {
-    let hit = &ray_hit.hit;
+fn hit(ray: &sys::RTCRay, hit: &sys::RTCHit) -> Option<Hit> {
     let instance = if hit.instID[0] == NOTHING { hit.geomID } else { hit.instID[0] };
-    (hit.geomID != NOTHING).then_some(Hit { instance, triangle: hit.primID, t: ray_hit.ray.tfar, u: hit.u, v: hit.v })
+    (hit.geomID != NOTHING).then_some(Hit { instance, triangle: hit.primID, t: ray.tfar, u: hit.u, v: hit.v })
+}
+
+/// A context that asks of each hit whether it counts.
+#[repr(C)]
+struct Sieve<'a> {
+    /// What Embree sees of it, and hands on to `sift`.
+    context: sys::RTCIntersectContext,
+    counts: &'a dyn Fn(&Hit) -> bool,
+}
+
+impl<'a> Sieve<'a> {
+    fn new(counts: &'a dyn Fn(&Hit) -> bool) -> Sieve<'a> {
+        let context = context(sys::RTCIntersectContextFlags::INCOHERENT);
+        Sieve { context: sys::RTCIntersectContext { filter: Some(sift), ..context }, counts }
+    }
+}
+
+/// Embree's question whether a hit counts.
+///
+/// # Safety
+/// Called by Embree for one ray, with the context of a [`Sieve`].
+unsafe extern "C" fn sift(arguments: *const sys::RTCFilterFunctionNArguments) {
+    // SAFETY: as the caller says: a packet of one ray is laid out as a single one, and so is its hit.
+    unsafe {
+        let arguments = &*arguments;
+        let sieve = &*arguments.context.cast::<Sieve>();
+        let found = hit(&*arguments.ray.cast::<sys::RTCRay>(), &*arguments.hit.cast::<sys::RTCHit>());
+        if !found.is_some_and(|found| (sieve.counts)(&found)) {
+            *arguments.valid = 0;
+        }
+    }
 }
 
 /// An Embree device, released when dropped.
@@ -239,7 +291,7 @@ impl Drop for Device {
 struct Tree(sys::RTCScene);
 
 impl Tree {
-    fn new(device: &Device) -> Result<Tree, Error> {
+    fn new(device: &Device, flags: RTCSceneFlags) -> Result<Tree, Error> {
         // SAFETY: the device is alive.
         let handle = unsafe { sys::rtcNewScene(device.0) };
         if handle.is_null() {
@@ -247,7 +299,7 @@ impl Tree {
             return Err(Error::Embree("cannot create a scene".to_owned()));
         }
         // SAFETY: the scene is alive and not committed yet.
-        unsafe { sys::rtcSetSceneFlags(handle, RTCSceneFlags::ROBUST) };
+        unsafe { sys::rtcSetSceneFlags(handle, flags) };
         Ok(Tree(handle))
     }
 

@@ -12,6 +12,7 @@
 mod camera;
 mod embree;
 mod film;
+mod holes;
 mod lights;
 mod path;
 mod random;
@@ -106,6 +107,8 @@ pub struct Reference<'a> {
     placements: Vec<Placement>,
     /// One a material.
     surfaces: Vec<Arc<Prepared>>,
+    /// Some material lets rays through.
+    has_holes: bool,
 }
 
 impl<'a> Reference<'a> {
@@ -120,6 +123,7 @@ impl<'a> Reference<'a> {
             lights: Lights::new(&scene, &placements),
             placements,
             surfaces: Prepared::all(&scene.materials, &scene.brdfs),
+            has_holes: scene.materials.iter().any(|material| !material.opacity.is_whole()),
             scene,
             camera,
         })

@@ -42,7 +42,7 @@ impl Reference<'_> {
 
         for segment in 1..=max_depth {
             sample.rays.closest += 1;
-            let Some((point, distance_squared)) = self.closest(origin, direction) else {
+            let Some((point, distance_squared)) = self.closest(origin, direction, &mut random) else {
                 let radiance = self.sky(direction);
                 let weight = picked_with.map_or(1.0, |pdf| balance(pdf, self.lights.environment_pdf(radiance)));
                 sample.radiance += throughput * radiance * weight;
@@ -72,7 +72,7 @@ impl Reference<'_> {
             if !bsdf.is_delta()
                 && let Some(light) = self.lights.sample(&self.scene, point.position, &mut random)
             {
-                let direct = self.direct(&point, &bsdf, wo, &light, values, &mut sample.rays).await;
+                let direct = self.direct(&point, &bsdf, wo, &light, values, (&mut random, &mut sample.rays)).await;
                 sample.radiance += throughput * direct;
             }
 
@@ -106,7 +106,7 @@ impl Reference<'_> {
         wo: DVec3,
         light: &LightSample,
         values: &Values<'s>,
-        rays: &mut RayCount,
+        (random, rays): (&mut Random, &mut RayCount),
     ) -> DVec3 {
         let wi_world = match light.source {
             Source::Point { position, .. } => (position - point.position).normalize_or_zero(),
@@ -132,7 +132,7 @@ impl Reference<'_> {
             }
         };
         rays.shadow += 1;
-        if self.accelerator.occluded(&shadow_ray) {
+        if self.occluded(&shadow_ray, random) {
             return DVec3::ZERO;
         }
         let weight = if light.is_delta { 1.0 } else { balance(light.pdf, bsdf.pdf(wo, wi)) };
@@ -140,8 +140,8 @@ impl Reference<'_> {
     }
 
     /// What a ray meets first, and the squared distance to it.
-    fn closest(&self, origin: Vec3, direction: DVec3) -> Option<(SurfacePoint<'_>, f64)> {
-        let hit = self.hit(origin, direction)?;
+    fn closest(&self, origin: Vec3, direction: DVec3, random: &mut Random) -> Option<(SurfacePoint<'_>, f64)> {
+        let hit = self.hit(origin, direction, random)?;
         let placement = &self.placements[hit.instance as usize];
         let origin = origin.as_dvec3();
         let point = SurfacePoint::new(&self.scene, placement, &hit, origin, direction)?;
@@ -149,8 +149,9 @@ impl Reference<'_> {
         Some((point, distance_squared))
     }
 
-    fn hit(&self, origin: Vec3, direction: DVec3) -> Option<Hit> {
-        self.accelerator.closest(&Ray { origin, direction: direction.as_vec3(), t_min: 0.0, t_max: f32::INFINITY })
+    fn hit(&self, origin: Vec3, direction: DVec3, random: &mut Random) -> Option<Hit> {
+        let ray = Ray { origin, direction: direction.as_vec3(), t_min: 0.0, t_max: f32::INFINITY };
+        self.nearest(&ray, random)
     }
 
     /// Radiance from infinity.
@@ -170,7 +171,8 @@ impl Reference<'_> {
             for x in 0..crop.width {
                 let centre = DVec2::new((crop.x + x).into(), (crop.y + y).into()) + 0.5;
                 let (eye, direction) = self.view.ray(centre, None);
-                let hit = self.hit(eye.as_vec3(), direction);
+                let mut random = Random::new(0, x.into(), y.into());
+                let hit = self.hit(eye.as_vec3(), direction, &mut random);
                 depth.push(
                     hit.map_or(f32::INFINITY, |hit| (f64::from(hit.t) * direction.dot(self.view.forward)) as f32),
                 );

@@ -322,7 +322,14 @@ fn inverse(transform: &Affine3A) -> [f32; 12] {
     wide(transform).inverse().to_cols_array().map(|number| number as f32)
 }
 
+/// Which meshes have a material that lets rays through.
+fn meshes_with_holes(scene: &Scene) -> Vec<bool> {
+    let has_holes = |material: &u32| !scene.materials[*material as usize].opacity.is_whole();
+    scene.meshes.iter().map(|mesh| mesh.materials.iter().any(has_holes)).collect()
+}
+
 fn tlas_instances(scene: &Scene, meshes: &[Arc<DeviceMesh>]) -> Vec<TlasInstance> {
+    let with_holes = meshes_with_holes(scene);
     let placed = |(index, instance): (u32, &Instance)| {
         let columns = instance.object_to_world.to_cols_array();
         Some(TlasInstance {
@@ -330,6 +337,7 @@ fn tlas_instances(scene: &Scene, meshes: &[Arc<DeviceMesh>]) -> Vec<TlasInstance
             transform: std::array::from_fn(|i| columns[i % 4 * 3 + i / 4]),
             custom_index: index,
             mask: 0xff,
+            has_holes: with_holes[instance.mesh as usize],
         })
     };
     (0..).zip(&scene.instances).filter_map(placed).collect()

@@ -35,6 +35,8 @@ pub struct Features {
     pub sun: bool,
     /// Some material on a mesh has a texture.
     pub textures: bool,
+    /// Some material on a mesh lets rays through.
+    pub holes: bool,
     /// The camera has a lens.
     pub lens: bool,
     /// Some material on a mesh varies over a texture otherwise than by a colour.
@@ -59,7 +61,8 @@ impl Features {
             emitters: !lights.is_empty() && !lights.triangles.is_empty(),
             environment: lights.environment_texels > 0,
             sun: scene.sun.is_some_and(|sun| sun.irradiance != Vec3::ZERO),
-            textures: used().any(|material| material.surface.texture().is_some()),
+            textures: used().any(|material| material.textures().next().is_some()),
+            holes: used().any(|material| !material.opacity.is_whole()),
             footprints: used().any(|material| is_spatial(&material.surface, &scene.brdfs)),
             lens: scene.camera.lens.is_some(),
             instanced: is_instanced(scene),
@@ -77,6 +80,7 @@ impl Features {
         environment: false,
         sun: false,
         textures: false,
+        holes: false,
         footprints: false,
         lens: false,
         instanced: false,
@@ -91,6 +95,7 @@ impl Features {
             environment: self.environment || other.environment,
             sun: self.sun || other.sun,
             textures: self.textures || other.textures,
+            holes: self.holes || other.holes,
             footprints: self.footprints || other.footprints,
             lens: self.lens || other.lens,
             instanced: self.instanced || other.instanced,
@@ -109,6 +114,7 @@ impl Features {
             (self.environment || !other.environment, "a sky"),
             (self.sun || !other.sun, "a sun"),
             (self.textures || !other.textures, "textures"),
+            (self.holes || !other.holes, "materials with holes"),
             (self.footprints || !other.footprints, "NeuBRDFs that vary over a texture"),
             (self.lens || !other.lens, "a lens"),
             (self.instanced || !other.instanced, "instances that move"),
@@ -152,6 +158,7 @@ impl Features {
             flag(9, settings.features),
             flag(13, settings.light_sampling),
             (14, settings.bsdf_sampling as u32),
+            flag(15, self.holes),
             (26, self.neubrdf_queues),
             (27, settings.roulette_after),
             flag(29, self.footprints),

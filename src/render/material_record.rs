@@ -112,6 +112,8 @@ crate::shared_structs! {
         pub base_scale: f32,
         pub alpha: [f32; 2],
         pub table: u64,
+        pub opacity: f32,
+        pub opacity_texture: u32,
     }
 }
 
@@ -132,7 +134,7 @@ impl MaterialRecord {
 
     /// All of a material but the address of its table.
     fn new(material: &Material, prepared: &Prepared, brdfs: &[Arc<Brdf>]) -> MaterialRecord {
-        let Material { surface, emission, .. } = material;
+        let Material { surface, emission, opacity, .. } = material;
         let color = color(surface);
         let mut flags = family(surface, brdfs) as u32;
         if let Surface::Measured { brdf } = *surface {
@@ -168,6 +170,8 @@ impl MaterialRecord {
             base_scale: (1.0 / (1.0 - average_coat)) as f32,
             alpha: alpha.into(),
             table: 0,
+            opacity: opacity.value,
+            opacity_texture: opacity.texture.unwrap_or(Self::NO_TEXTURE),
         }
     }
 }

@@ -5,7 +5,8 @@ use glam::Vec3;
 use super::light::BRIGHTEST;
 use super::mesh::LARGEST_COORDINATE;
 use super::{
-    Camera, Environment, Fresnel, Instance, LayerBase, Layered, Material, Mesh, Scene, Sun, Surface, Woven, Yarn,
+    Camera, Environment, Fresnel, Instance, LayerBase, Layered, Material, Mesh, Opacity, Scene, Sun, Surface, Woven,
+    Yarn,
 };
 
 /// A part of a scene that is not as it must be.
@@ -171,9 +172,13 @@ impl Scene {
         if let Some(color) = material.surface.color() {
             ensure(is_share(color.value), || part("colour"), color.value, "in [0, 1]")?;
         }
-        if let Some(texture) = material.surface.texture() {
+        for texture in material.textures() {
             ensure_index(|| part("texture"), texture, self.textures.len())?;
         }
+        let Opacity { value, .. } = material.opacity;
+        ensure((0.0..=1.0).contains(&value), || part("opacity"), value, "in [0, 1]")?;
+        let fine = material.opacity.is_whole() || !material.is_emissive();
+        ensure(fine, || part("opacity"), format!("{value}, or a texture"), "1, and no texture, as it emits")?;
         let alpha_is_fine = |alpha: f32| (0.0..=1.0).contains(&alpha);
         match &material.surface {
             Surface::Diffuse { .. } => Ok(()),

@@ -7,7 +7,7 @@ use std::path::Path;
 use exr::prelude::{ReadChannels, ReadLayers};
 use glam::Vec3;
 use half::f16;
-use image::ImageReader;
+use image::{DynamicImage, ImageReader};
 
 use super::error::{Error, Place, Warning, open};
 use super::light::BRIGHTEST;
@@ -57,8 +57,36 @@ fn decoded(
     } else {
         read_codes(path, named_by, number)?
     };
-    let name = path.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
-    Ok(Texture { name, width, height, texels })
+    Ok(Texture { name: file_name(path), width, height, texels })
+}
+
+/// Reads how much of a surface is there: the alpha of a PNG file with such a channel, unless that is 1 everywhere; else the brightness, codes
+/// taken as they are.
+pub(super) fn opacity(path: &Path, named_by: &Place, warnings: &mut Vec<Warning>) -> Result<Texture, Error> {
+    let grey = |number: f16| [number, number, number, f16::ONE];
+    if is_exr(path, named_by)? {
+        let mut texture = numbers(path, named_by, warnings)?;
+        for texel in &mut texture.texels {
+            let [red, green, blue, _] = texel.map(f16::to_f32);
+            *texel = grey(f16::from_f32(Vec3::new(red, green, blue).dot(LUMINANCE)));
+        }
+        return Ok(texture);
+    }
+    let image = read_image(path, named_by)?;
+    let (width, height, has_alpha) = (image.width(), image.height(), image.color().has_alpha());
+    let image = image.into_luma_alpha16();
+    let has_alpha = has_alpha && image.pixels().any(|pixel| pixel.0[1] != u16::MAX);
+    let codes = image.pixels().map(|pixel| pixel.0[usize::from(has_alpha)]);
+    let texels = codes.map(|code| grey(f16::from_f32(f32::from(code) / 65535.0))).collect();
+    Ok(Texture { name: file_name(path), width, height, texels })
+}
+
+/// Of linear Rec. 709.
+const LUMINANCE: Vec3 = Vec3::new(0.2126, 0.7152, 0.0722);
+
+/// A texture's name.
+fn file_name(path: &Path) -> String {
+    path.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default()
 }
 
 /// Reads measurements, times `scale`, from a PNG or JPEG file, in sRGB or linear, or from a linear EXR file.
@@ -78,9 +106,8 @@ pub(super) fn measured(path: &Path, is_srgb: bool, scale: f32) -> Result<Texture
         }
         picture
     };
-    let name = path.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
     let Picture { width, height, texels } = picture;
-    Ok(Texture { name, width, height, texels })
+    Ok(Texture { name: file_name(path), width, height, texels })
 }
 
 /// Reads a lat-long environment from an EXR file, each radiance times `scale`. Negative radiances become 0 with a
@@ -150,8 +177,8 @@ fn check_size(path: &Path, width: u64, height: u64) -> Result<(), Error> {
     Err(Error::unexpected(Place::file(path), format!("an image of {width} × {height} texels"), expected))
 }
 
-/// Reads a PNG or JPEG, `number` telling what a code stands for, both in [0, 1].
-fn read_codes(path: &Path, named_by: &Place, number: fn(f32) -> f32) -> Result<Picture<[f16; 4]>, Error> {
+/// Reads a PNG or JPEG as it is.
+fn read_image(path: &Path, named_by: &Place) -> Result<DynamicImage, Error> {
     let unreadable = |source| Error::read(path, Some(named_by), source);
     let broken = |error: image::ImageError| {
         Error::unexpected(Place::file(path), format!("a broken image ({error})"), "a PNG, JPEG or OpenEXR image")
@@ -164,7 +191,13 @@ fn read_codes(path: &Path, named_by: &Place, number: fn(f32) -> f32) -> Result<P
     let mut limits = image::Limits::default();
     limits.max_alloc = Some(8 * MOST_TEXELS);
     reader.limits(limits);
-    let image = reader.decode().map_err(broken)?.into_rgb16();
+    reader.decode().map_err(broken)
+}
+
+/// Reads a PNG or JPEG, `number` telling what a code stands for, both in [0, 1].
+fn read_codes(path: &Path, named_by: &Place, number: fn(f32) -> f32) -> Result<Picture<[f16; 4]>, Error> {
+    let image = read_image(path, named_by)?.into_rgb16();
+    let (width, height) = image.dimensions();
     let linear: Vec<f16> = (0..=u16::MAX).map(|code| f16::from_f32(number(f32::from(code) / 65535.0))).collect();
     let texels = image.pixels().map(|pixel| {
         let [red, green, blue] = pixel.0.map(|code| linear[usize::from(code)]);

@@ -8,12 +8,12 @@ use glam::{Affine3A, EulerRot, Mat3, Quat, Vec2, Vec3};
 use super::error::{Error, Place, Warning, nearest};
 use super::light::BRIGHTEST;
 use super::mesh::{self, LARGEST_COORDINATE};
-use super::mtl::Library;
+use super::mtl::{Holds, Library, TextureFile};
 use super::obj::{self, Normals, beside};
 use super::table::{Source, Table, Value, read_text};
 use super::{
-    Bounds, Camera, Color, Environment, Film, Fresnel, Instance, LayerBase, Layered, Lens, Material, Mesh, Scene, Sun,
-    Surface, Woven, decode, metals,
+    Bounds, Camera, Color, Environment, Film, Fresnel, Instance, LayerBase, Layered, Lens, Material, Mesh, Opacity,
+    Scene, Sun, Surface, Woven, decode, metals,
 };
 
 /// Size of the picture unless the scene file says otherwise.
@@ -151,17 +151,22 @@ fn framing(bounds: &Bounds, film: Film) -> Camera {
 }
 
 /// Decodes the texture files that the materials still name.
-fn decode_textures(scene: &mut Scene, files: &[(PathBuf, Place)], warnings: &mut Vec<Warning>) -> Result<(), Error> {
+fn decode_textures(scene: &mut Scene, files: &[TextureFile], warnings: &mut Vec<Warning>) -> Result<(), Error> {
     let mut decoded: Vec<Option<u32>> = vec![None; files.len()];
-    for material in &mut scene.materials {
-        let Some(color) = material.surface.color_mut() else { continue };
-        let Some(file) = color.texture else { continue };
-        if decoded[file as usize].is_none() {
-            let (path, named_by) = &files[file as usize];
-            decoded[file as usize] = Some(scene.textures.len() as u32);
-            scene.textures.push(decode::texture(path, named_by, warnings)?);
+    for Material { surface, opacity, .. } in &mut scene.materials {
+        let of_color = surface.color_mut().map(|color| &mut color.texture);
+        for texture in of_color.into_iter().chain([&mut opacity.texture]) {
+            let Some(index) = texture.map(|index| index as usize) else { continue };
+            if decoded[index].is_none() {
+                let TextureFile { path, holds, named_by } = &files[index];
+                decoded[index] = Some(scene.textures.len() as u32);
+                scene.textures.push(match holds {
+                    Holds::Colors => decode::texture(path, named_by, warnings)?,
+                    Holds::Opacities => decode::opacity(path, named_by, warnings)?,
+                });
+            }
+            *texture = decoded[index];
         }
-        color.texture = decoded[file as usize];
     }
     Ok(())
 }
@@ -169,11 +174,11 @@ fn decode_textures(scene: &mut Scene, files: &[(PathBuf, Place)], warnings: &mut
 /// A texture needs coordinates to be looked up at.
 fn warn_of_missing_coordinates(scene: &Scene, warnings: &mut Vec<Warning>) {
     for mesh in scene.meshes.iter().filter(|mesh| mesh.uvs.is_empty()) {
-        let varies = |surface: &Surface| match surface {
-            Surface::Measured { brdf } => scene.brdfs[*brdf as usize].is_spatial(),
-            _ => surface.texture().is_some(),
+        let varies = |material: &Material| match material.surface {
+            Surface::Measured { brdf } if scene.brdfs[brdf as usize].is_spatial() => true,
+            _ => material.textures().next().is_some(),
         };
-        let varies = |material: &&u32| varies(&scene.materials[**material as usize].surface);
+        let varies = |material: &&u32| varies(&scene.materials[**material as usize]);
         if let Some(&material) = mesh.materials.iter().find(varies) {
             let name = &scene.materials[material as usize].name;
             let message = format!("no texture coordinates, though its material `{name}` has a texture");
@@ -305,13 +310,21 @@ fn override_material(name: &str, value: &Value, file: &Path, library: &mut Libra
             emits_both_sides: table
                 .get("emits_both_sides")
                 .map_or(Ok(before.emits_both_sides), |value| value.boolean())?,
+            opacity: table.get("opacity").map_or(Ok(before.opacity), |value| opacity(&value, file, library))?,
             name: before.name,
         };
+        let material = &library.materials[index];
+        let has_both = material.is_emissive() && !material.opacity.is_whole();
+        if let Some(value) = table.get("opacity").or_else(|| table.get("emission")).filter(|_| has_both) {
+            return Err(value.error("`opacity = 1` beside an emission"));
+        }
         library.undefined.retain(|(undefined, _)| *undefined as usize != index);
     }
     Ok(())
 }
 
+/// Keys of all surfaces that stand in a scene.
+pub(super) const OF_A_SCENE: [&str; 3] = ["emission", "emits_both_sides", "opacity"];
 /// Keys of maps that `neubrdf train` reads and nothing else: [`super::SurfaceMaps`].
 pub(super) const MAPS: [&str; 3] = ["roughness_map", "normal_map", "anisotropy_direction_map"];
 /// What is expected where such a key stands elsewhere.
@@ -321,8 +334,7 @@ pub(super) const MAPS_ARE_LEARNED: &str =
 /// The surface that a material's table asks for. What it does not say stays as it was before, if that was of the same
 /// type, or is the type's default.
 pub(super) fn surface(table: &Table, before: &Surface, file: &Path, library: &mut Library) -> Result<Surface, Error> {
-    const EMISSION: [&str; 3] = ["type", "emission", "emits_both_sides"];
-    let allow = |keys: &[&str]| table.allow(&[&EMISSION[..], &MAPS, keys].concat());
+    let allow = |keys: &[&str]| table.allow(&[&["type"], &OF_A_SCENE[..], &MAPS, keys].concat());
     let unchanged = match before {
         Surface::Diffuse { .. } => "diffuse",
         Surface::Conductor { .. } => "conductor",
@@ -424,13 +436,24 @@ fn layered(table: &Table, file: &Path, library: &mut Library) -> Result<Layered,
     })
 }
 
+/// A number, or a file of them.
+fn opacity(value: &Value, file: &Path, library: &mut Library) -> Result<Opacity, Error> {
+    match value.string() {
+        Ok(name) => {
+            let texture = library.texture(beside(file, name), Holds::Opacities, &value.place());
+            Ok(Opacity { value: 1.0, texture: Some(texture) })
+        }
+        Err(_) => Ok(Opacity { value: value.number(0.0, 1.0)?, texture: None }),
+    }
+}
+
 /// A colour and the texture that multiplies it. A texture without a colour is multiplied by 1.
 fn color(table: &Table, key: &str, before: Option<Color>, file: &Path, library: &mut Library) -> Result<Color, Error> {
     let value = table.get(key).map(|value| value.color(0.0, 1.0)).transpose()?;
     match table.get("texture") {
         Some(texture) => Ok(Color {
             value: value.unwrap_or(Vec3::ONE),
-            texture: Some(library.texture(beside(file, texture.string()?), &texture.place())),
+            texture: Some(library.texture(beside(file, texture.string()?), Holds::Colors, &texture.place())),
         }),
         None => match value {
             Some(value) => Ok(Color::constant(value)),

@@ -36,10 +36,15 @@ impl Scene {
             put(&mut hasher, &matrix3.to_cols_array());
             put(&mut hasher, &translation.to_array());
         }
-        for Material { name: _, surface, emission, emits_both_sides } in materials {
+        for Material { name: _, surface, emission, emits_both_sides, opacity } in materials {
             put_surface(&mut hasher, surface);
             put(&mut hasher, &[*emission]);
             put(&mut hasher, &[u8::from(*emits_both_sides)]);
+            if !opacity.is_whole() {
+                put(&mut hasher, b"opacity");
+                put(&mut hasher, &[opacity.value]);
+                put(&mut hasher, &opacity.texture.map_or(vec![], |texture| vec![texture]));
+            }
         }
         for Texture { name: _, width, height, texels } in textures {
             put(&mut hasher, &[*width, *height]);

@@ -294,7 +294,7 @@ mod tests {
     fn material(emission: f32, emits_both_sides: bool) -> Material {
         let albedo = Color::constant(Vec3::splat(0.5));
         let emission = Vec3::splat(emission);
-        Material { name: "m".into(), surface: Surface::Diffuse { albedo }, emission, emits_both_sides }
+        Material { emission, emits_both_sides, ..Material::new("m", Surface::Diffuse { albedo }) }
     }
 
     fn scene_with_all_lights() -> Scene {

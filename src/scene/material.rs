@@ -15,6 +15,17 @@ pub struct Material {
     pub emission: Vec3,
     /// Emits from the back of its triangles too.
     pub emits_both_sides: bool,
+    /// How much of it is there. What emits is whole.
+    pub opacity: Opacity,
+}
+
+/// The probability with which a ray meets a surface; otherwise it goes on as if there were nothing. Leaves are cut out of their triangles by it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Opacity {
+    /// In [0, 1].
+    pub value: f32,
+    /// Index into [`super::Scene::textures`] of a texture that multiplies it, by its first number.
+    pub texture: Option<u32>,
 }
 
 /// A colour, optionally times a texture.
@@ -107,15 +118,7 @@ impl Surface {
 
     /// Index into [`super::Scene::textures`] of the texture that its colour is multiplied by.
     pub fn texture(&self) -> Option<u32> {
-        match self {
-            Surface::Diffuse { albedo } | Surface::Coated { albedo, .. } => albedo.texture,
-            Surface::Conductor { fresnel: Fresnel::Schlick { f0 }, .. } => f0.texture,
-            Surface::Conductor { fresnel: Fresnel::Complex { .. }, .. }
-            | Surface::Dielectric { .. }
-            | Surface::Measured { .. }
-            | Surface::Layered(_)
-            | Surface::Woven(_) => None,
-        }
+        self.color()?.texture
     }
 }
 
@@ -126,9 +129,30 @@ impl Color {
     }
 }
 
+impl Opacity {
+    /// A surface without holes.
+    pub const WHOLE: Opacity = Opacity { value: 1.0, texture: None };
+
+    /// Whether no ray goes through.
+    pub fn is_whole(&self) -> bool {
+        *self == Opacity::WHOLE
+    }
+}
+
 impl Material {
+    /// A material without holes that does not emit.
+    pub fn new(name: impl Into<String>, surface: Surface) -> Material {
+        let (emission, emits_both_sides, opacity) = (Vec3::ZERO, false, Opacity::WHOLE);
+        Material { name: name.into(), surface, emission, emits_both_sides, opacity }
+    }
+
     /// Whether its triangles are lights.
     pub fn is_emissive(&self) -> bool {
         self.emission != Vec3::ZERO
+    }
+
+    /// The textures that it looks up: indices into [`super::Scene::textures`].
+    pub fn textures(&self) -> impl Iterator<Item = u32> {
+        [self.surface.texture(), self.opacity.texture].into_iter().flatten()
     }
 }

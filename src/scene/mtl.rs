@@ -11,14 +11,14 @@ use super::error::{Error, Place, Warning, open, quote};
 use super::light::BRIGHTEST;
 use super::obj::beside;
 use super::statements::{Fault, Statements, number};
-use super::{Brdf, Color, Fresnel, Material, Surface};
+use super::{Brdf, Color, Fresnel, Material, Opacity, Surface};
 
 /// The materials and texture files of a scene, gathered from its OBJ and MTL files.
 #[derive(Default)]
 pub(super) struct Library {
     pub materials: Vec<Material>,
-    /// Texture files and what names them first; [`Color::texture`] indexes these until they are decoded.
-    pub textures: Vec<(PathBuf, Place)>,
+    /// Texture files; [`Color::texture`] and [`Opacity::texture`] index these until they are decoded.
+    pub textures: Vec<TextureFile>,
     /// BRDFs; [`Surface::Measured`] indexes these.
     pub brdfs: Vec<Arc<Brdf>>,
     /// The file and the name that each of them was read by.
@@ -30,6 +30,21 @@ pub(super) struct Library {
     definitions: HashMap<String, Definition>,
 }
 
+/// A file that materials name as a texture.
+pub(super) struct TextureFile {
+    pub path: PathBuf,
+    pub holds: Holds,
+    /// What names it first.
+    pub named_by: Place,
+}
+
+/// What the numbers of a texture are.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub(super) enum Holds {
+    Colors,
+    Opacities,
+}
+
 /// A material of an MTL file.
 #[derive(Clone)]
 struct Definition {
@@ -39,12 +54,7 @@ struct Definition {
 
 /// A material for faces that name none or an undefined one.
 fn default_material(name: &str) -> Material {
-    Material {
-        name: name.to_owned(),
-        surface: Surface::Diffuse { albedo: Color::constant(Vec3::splat(0.5)) },
-        emission: Vec3::ZERO,
-        emits_both_sides: false,
-    }
+    Material::new(name, Surface::Diffuse { albedo: Color::constant(Vec3::splat(0.5)) })
 }
 
 impl Library {
@@ -131,10 +141,10 @@ impl Library {
     }
 
     /// The number of a texture file, which is decoded once, however often it is named.
-    pub fn texture(&mut self, path: PathBuf, named_by: &Place) -> u32 {
-        let index = self.textures.iter().position(|(known, _)| *known == path);
+    pub fn texture(&mut self, path: PathBuf, holds: Holds, named_by: &Place) -> u32 {
+        let index = self.textures.iter().position(|known| known.path == path && known.holds == holds);
         index.unwrap_or_else(|| {
-            self.textures.push((path, named_by.clone()));
+            self.textures.push(TextureFile { path, holds, named_by: named_by.clone() });
             self.textures.len() - 1
         }) as u32
     }
@@ -156,7 +166,7 @@ impl Library {
         let specular = self.reflectance(place, "Ks", material.specular.unwrap_or_default());
         let mut albedo = Color::constant(Vec3::ONE);
         if let Some(name) = &material.diffuse_texture {
-            albedo.texture = Some(self.texture(beside(&place.file, name), place));
+            albedo.texture = Some(self.texture(beside(&place.file, name), Holds::Colors, place));
         }
         match material.diffuse {
             Some(diffuse) => albedo.value = self.reflectance(place, "Kd", diffuse),
@@ -196,15 +206,28 @@ impl Library {
         if 0.0 < metallic && metallic < 1.0 {
             self.warn(place.clone(), format!("Pm {metallic} is taken as {}", metallic.round()));
         }
-        if material.dissolve.is_some_and(|dissolve| dissolve < 1.0) && !matches!(surface, Surface::Dielectric { .. }) {
-            self.warn(place.clone(), "`d` below 1 is ignored; `illum 7` makes glass");
+        let emission = Vec3::from_array(material.emissive.unwrap_or_default());
+        let opacity = self.opacity(place, material, matches!(surface, Surface::Dielectric { .. }));
+        let is_whole = opacity.is_whole() || emission == Vec3::ZERO;
+        if !is_whole {
+            self.warn(place.clone(), "`d` and `map_d` are ignored, as it emits");
         }
-        Material {
-            name: material.name.clone(),
-            surface,
-            emission: Vec3::from_array(material.emissive.unwrap_or_default()),
-            emits_both_sides: false,
+        let opacity = if is_whole { opacity } else { Opacity::WHOLE };
+        Material { name: material.name.clone(), surface, emission, emits_both_sides: false, opacity }
+    }
+
+    /// What `d` and `map_d` say. Of glass `d` says that one sees through, not that it is not there.
+    fn opacity(&mut self, place: &Place, material: &tobj::Material, is_glass: bool) -> Opacity {
+        let dissolve = material.dissolve.filter(|_| !is_glass).unwrap_or(1.0);
+        let value = dissolve.clamp(0.0, 1.0);
+        if value != dissolve {
+            self.warn(place.clone(), format!("d {dissolve} is outside of [0, 1]: clamped to {value}"));
         }
+        if value == 0.0 {
+            self.warn(place.clone(), "with `d 0` it cannot be seen");
+        }
+        let file = material.dissolve_texture.as_ref().map(|name| beside(&place.file, name));
+        Opacity { value, texture: file.map(|file| self.texture(file, Holds::Opacities, place)) }
     }
 
     fn reflectance(&mut self, place: &Place, statement: &str, rgb: [f32; 3]) -> Vec3 {
@@ -228,13 +251,8 @@ impl Library {
 
 /// Statements of a material that have no effect here, though they might be missed.
 fn unused_statements(material: &tobj::Material) -> Vec<&str> {
-    let tobj::Material { specular_texture, normal_texture, shininess_texture, dissolve_texture, .. } = material;
-    let maps = [
-        (specular_texture, "map_Ks"),
-        (normal_texture, "map_Bump"),
-        (shininess_texture, "map_Ns"),
-        (dissolve_texture, "map_d"),
-    ];
+    let tobj::Material { specular_texture, normal_texture, shininess_texture, .. } = material;
+    let maps = [(specular_texture, "map_Ks"), (normal_texture, "map_Bump"), (shininess_texture, "map_Ns")];
     let maps = maps.into_iter().filter(|(texture, _)| texture.is_some()).map(|(_, statement)| statement);
     let others = material.unknown_param.keys().map(String::as_str).filter(|name| !["Pr", "Pm", "aniso"].contains(name));
     maps.chain(others).collect()
@@ -292,8 +310,8 @@ fn check(statement: &str, named: bool, out: &mut String) -> Result<Option<String
                 return Err(Fault::new("no file", "the file of a texture"));
             }
             out.push_str(&format!("{keyword} {file}\n"));
-            if keyword == "map_Kd" {
-                options.iter().for_each(|option| out.push_str(&format!("map_Kd{option} 1\n")));
+            if ["map_Kd", "map_d"].contains(&keyword) {
+                options.iter().for_each(|option| out.push_str(&format!("{keyword}{option} 1\n")));
             }
         }
         "v" | "vt" | "vn" | "f" | "usemtl" | "mtllib" => {

@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use glam::Vec3;
 
-use super::file::{MAPS, MAPS_ARE_LEARNED, surface};
+use super::file::{MAPS, MAPS_ARE_LEARNED, OF_A_SCENE, surface};
 use super::mtl::Library;
 use super::table::{Source, Table, read_text};
 use super::{Brdf, Color, Error, Surface};
@@ -32,7 +32,7 @@ impl Surface {
         if let Some(name) = name {
             return Err(table.error(format!("the name `{name}`"), "no name: this kind of file holds one material"));
         }
-        for key in ["emission", "emits_both_sides", "texture"] {
+        for key in OF_A_SCENE.into_iter().chain(["texture"]) {
             if let Some(value) = table.get(key) {
                 return Err(value.error("no such key in a file of one material"));
             }

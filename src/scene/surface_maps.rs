@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use super::error::{Error, Warning};
-use super::file::{MAPS, surface};
+use super::file::{MAPS, OF_A_SCENE, surface};
 use super::mtl::Library;
 use super::obj::beside;
 use super::surface_file::{LONGEST_FILE, grey};
@@ -40,7 +40,7 @@ impl SurfaceMaps {
         if [&color, &roughness, &normal, &direction].into_iter().all(Option::is_none) {
             return Ok(None);
         }
-        for key in ["emission", "emits_both_sides"] {
+        for key in OF_A_SCENE {
             if let Some(value) = table.get(key) {
                 return Err(value.error("no such key in a file of one material"));
             }

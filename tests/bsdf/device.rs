@@ -83,7 +83,7 @@ impl Shader {
 }
 
 pub fn as_material(surface: &Surface) -> Material {
-    Material { name: describe(surface), surface: surface.clone(), emission: Vec3::ZERO, emits_both_sides: false }
+    Material::new(describe(surface), surface.clone())
 }
 
 pub fn case(material: usize, wo: DVec3, wi: DVec3, u: [f64; 3]) -> BsdfTestCase {

@@ -157,7 +157,7 @@ pub fn bits(picture: &Picture) -> Vec<[u32; 3]> {
 }
 
 pub fn material(name: &str, surface: Surface) -> Material {
-    Material { name: name.into(), surface, emission: Vec3::ZERO, emits_both_sides: false }
+    Material::new(name, surface)
 }
 
 pub fn diffuse(albedo: f32) -> Surface {

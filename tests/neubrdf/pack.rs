@@ -3,7 +3,6 @@
 use std::fs;
 use std::sync::{Arc, LazyLock};
 
-use glam::Vec3;
 use neubrdf::material::Evaluate;
 use neubrdf::render::{MaterialTable, NeuBrdfShape, pack_neubrdf_models};
 use neubrdf::scene::brdf::{NeuBrdf, NeuBrdfPack, Precision};
@@ -78,12 +77,7 @@ fn a_scene_holds_a_codebook_once() {
 
     // A scene of them is one table.
     let brdfs: Vec<Arc<Brdf>> = members.iter().map(|m| Arc::new(Brdf::NeuBrdf(Box::new((*m).clone())))).collect();
-    let material = |brdf| Material {
-        name: String::new(),
-        surface: Surface::Measured { brdf },
-        emission: Vec3::ZERO,
-        emits_both_sides: false,
-    };
+    let material = |brdf| Material::new("", Surface::Measured { brdf });
     let materials: Vec<Material> = (0..8).map(material).collect();
     let table = MaterialTable::new(&materials, &brdfs, Precision::F16);
     assert_eq!(table.tables.iter().map(|table| 4 * table.len()).collect::<Vec<_>>(), [shared]);

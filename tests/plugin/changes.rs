@@ -177,6 +177,29 @@ fn what_was_reserved_may_come_and_go() {
     });
 }
 
+#[test]
+fn holes_may_come_and_go() {
+    in_lavapipe_hosts(|host| {
+        let device = host.lend();
+        let mut now = scene();
+        let reserve = Features { holes: true, ..Features::NONE };
+        let mut renderer = Renderer::new(&device, now.clone(), &Options { reserve, ..options_of(host) }).unwrap();
+        let whole = frame(host, &device, &mut renderer, 2).0;
+        for value in [0.5, 0.25, 1.0] {
+            now.materials[1].opacity.value = value;
+            let material = now.materials[1].clone();
+            renderer.update(&[Change::Material { index: 1, material }]).unwrap();
+            let picture = frame(host, &device, &mut renderer, 2).0;
+            assert!(picture == expected(host, &now, 2), "an opacity of {value}");
+            assert_eq!(picture == whole, value == 1.0);
+        }
+        let mut lamp = now.materials[2].clone();
+        lamp.opacity.value = 0.5;
+        let error = renderer.update(&[Change::Material { index: 2, material: lamp }]).unwrap_err();
+        assert!(error.to_string().contains("as it emits"), "{error}");
+    });
+}
+
 /// A scene whose ball and floor have NeuBRDFs, and others to come.
 #[test]
 fn brdfs_of_files_may_come_while_it_renders() {

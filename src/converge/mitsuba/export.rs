@@ -165,10 +165,13 @@ fn bsdf(material: &Material, index: usize) -> Result<String, ExportError> {
     if material.emits_both_sides && material.is_emissive() {
         return named("it shines to both sides");
     }
-    if material.surface.texture().is_some() {
+    if material.textures().next().is_some() {
         return named("its texture");
     }
     let id = format!("id=\"material-{index}\"");
+    if !material.opacity.is_whole() {
+        return named("its opacity");
+    }
     let both_sides = |inner: String| format!("  <bsdf type=\"twosided\" {id}>{inner}</bsdf>\n");
     Ok(match &material.surface {
         Surface::Diffuse { albedo } => {

@@ -9,7 +9,7 @@ pub fn at(x: f32, y: f32, z: f32) -> Vec3 {
 }
 
 pub fn material(surface: Surface) -> Material {
-    Material { name: "material".into(), surface, emission: Vec3::ZERO, emits_both_sides: false }
+    Material::new("material", surface)
 }
 
 pub fn lamp(radiance: f32) -> Material {

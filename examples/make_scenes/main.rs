@@ -12,8 +12,13 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use exr::prelude::{Encoding, Image, Layer, LayerAttributes, SpecificChannels, WritableImage};
-use glam::{Mat3, Vec2, Vec3, vec3};
+use glam::{Vec2, Vec3, vec3};
 use half::f16;
+
+mod foliage;
+mod obj;
+
+use obj::Obj;
 
 type Outcome = Result<(), Box<dyn Error>>;
 
@@ -37,7 +42,8 @@ pub fn write_all(folder: &Path) -> Outcome {
     furnace(&folder.join("furnace"))?;
     sky(&folder.join("sky"))?;
     still_life(&folder.join("still_life"))?;
-    mosaic(&folder.join("mosaic"))
+    mosaic(&folder.join("mosaic"))?;
+    foliage::write(&folder.join("foliage"))
 }
 
 // ---------------------------------------------------------------------------------------------------------- scenes
@@ -77,7 +83,7 @@ Kd 0.885809 0.698859 0.666422
 Ke 18.387 13.9873 6.75357
 ";
     let toml = "\
-# The Cornell box (Goral et al. 1984), from its published measurements. Made by examples/make_scenes.rs.
+# The Cornell box (Goral et al. 1984), from its published measurements. Made by examples/make_scenes.
 [camera]
 eye = [0, 0, 3.9]
 target = [0, 0, 0]
@@ -147,7 +153,7 @@ newmtl rim
 Ke 20 20 20
 ";
     let toml = "\
-# A material-preview ball on its stand. Made by examples/make_scenes.rs.
+# A material-preview ball on its stand. Made by examples/make_scenes.
 # To look at another material, change [material.ball].
 [camera]
 eye = [0, 1.9, 6.2]
@@ -186,9 +192,9 @@ roughness = 0.35
         ["paint_blue", "gold_satin", "lacquer_black"].map(trained),
     );
     let simulated = [
-        include_str!("../scenes/materials/paint_blue.toml"),
-        include_str!("../scenes/materials/varnish_amber.toml"),
-        include_str!("../scenes/materials/lacquer_black.toml"),
+        include_str!("../../scenes/materials/paint_blue.toml"),
+        include_str!("../../scenes/materials/varnish_amber.toml"),
+        include_str!("../../scenes/materials/lacquer_black.toml"),
     ];
     let layered = viewed(
         "# Layers that light walks through at random: what the networks of layered_neural.toml learned.",
@@ -258,7 +264,7 @@ fn neural(folder: &Path) -> Outcome {
     let mut obj = Obj::new("neural.mtl");
     let mut toml = String::from(
         "\
-# Balls of neural materials. Made by examples/make_scenes.rs.
+# Balls of neural materials. Made by examples/make_scenes.
 [camera]
 eye = [0, 6.2, 10.2]
 target = [0, 0.6, 0]
@@ -341,7 +347,7 @@ Pr 0.4
         }
     }
     let toml = "\
-# A room under many small lights, their radiances spread over four decades. Made by examples/make_scenes.rs.
+# A room under many small lights, their radiances spread over four decades. Made by examples/make_scenes.
 [camera]
 eye = [0, 1.7, 2.9]
 target = [0, 0.7, -0.6]
@@ -386,7 +392,7 @@ Ni 1.5
 Pr 0
 ";
     let toml = "\
-# A white furnace: nothing here absorbs, so every pixel is 1. Made by examples/make_scenes.rs.
+# A white furnace: nothing here absorbs, so every pixel is 1. Made by examples/make_scenes.
 # The facets show, because interpolated normals do not conserve energy. Light goes around in the glass for long: trace
 # it with a --max-depth of hundreds.
 [camera]
@@ -430,7 +436,7 @@ illum 7
 Ni 1.5
 ";
     let toml = "\
-# Instances under a high-contrast sky. Made by examples/make_scenes.rs.
+# Instances under a high-contrast sky. Made by examples/make_scenes.
 [camera]
 eye = [0, 1.9, 6]
 target = [0, 0.6, 0]
@@ -530,7 +536,7 @@ Ks 0.9 0.9 0.9
 illum 5
 ";
     let toml = "\
-# Rough glass, brushed metal, a sun and a thin lens. Made by examples/make_scenes.rs.
+# Rough glass, brushed metal, a sun and a thin lens. Made by examples/make_scenes.
 [camera]
 eye = [0, 1.6, 5.2]
 target = [0, 0.55, 0]
@@ -581,7 +587,7 @@ fn mosaic(folder: &Path) -> Outcome {
     obj.quad(light(vec3(4.0, 3.0, 2.5), 1.2));
     let mtl = "newmtl floor\nKd 0.4 0.39 0.37\nnewmtl glaze\nKd 0.1 0.2 0.3\nnewmtl key\nKe 24 22 20\nnewmtl fill\nKe 5 6 8\n";
     let toml = "\
-# Glazed tiles in one neural material that varies. Made by examples/make_scenes.rs.
+# Glazed tiles in one neural material that varies. Made by examples/make_scenes.
 [camera]
 eye = [0.3, 2.1, 5.4]
 target = [0.1, 0.66, 0]
@@ -602,7 +608,7 @@ file = \"glaze.neubrdf\"
 radiance = [0.3, 0.32, 0.36]
 ";
     let glaze = "\
-# Tiles under a glaze that bulges, with rough grout between them: what glaze.neubrdf has learned. Made by examples/make_scenes.rs.
+# Tiles under a glaze that bulges, with rough grout between them: what glaze.neubrdf has learned. Made by examples/make_scenes.
 type = \"coated\"
 ior = 1.5
 texture = \"color.png\"
@@ -670,193 +676,15 @@ fn save_environment(path: &Path, width: usize, height: usize, radiance: impl Fn(
     Ok(Image::from_layer(layer).write().non_parallel().to_file(path)?)
 }
 
-/// An OBJ file in the making.
-struct Obj {
-    text: String,
-    positions: usize,
-    uvs: usize,
-    normals: usize,
-}
-
-impl Obj {
-    fn new(material_file: &str) -> Obj {
-        let text = format!("# Made by examples/make_scenes.rs.\nmtllib {material_file}\n");
-        Obj { text, positions: 0, uvs: 0, normals: 0 }
-    }
-
-    fn line(&mut self, text: std::fmt::Arguments) {
-        self.text.write_fmt(text).expect("strings take all that is written");
-        self.text.push('\n');
-    }
-
-    fn object(&mut self, name: &str, material: &str) {
-        self.line(format_args!("o {name}\nusemtl {material}"));
-    }
-
-    fn position(&mut self, p: Vec3) -> usize {
-        self.line(format_args!("v {} {} {}", Short(p.x), Short(p.y), Short(p.z)));
-        self.positions += 1;
-        self.positions
-    }
-
-    fn uv(&mut self, uv: Vec2) -> usize {
-        self.line(format_args!("vt {} {}", Short(uv.x), Short(uv.y)));
-        self.uvs += 1;
-        self.uvs
-    }
-
-    fn normal(&mut self, n: Vec3) -> usize {
-        self.line(format_args!("vn {} {} {}", Short(n.x), Short(n.y), Short(n.z)));
-        self.normals += 1;
-        self.normals
-    }
-
-    fn triangle(&mut self, corners: [Vec3; 3]) {
-        let [a, b, c] = corners.map(|corner| self.position(corner));
-        self.line(format_args!("f {a} {b} {c}"));
-    }
-
-    fn quad(&mut self, corners: [Vec3; 4]) {
-        let [a, b, c, d] = corners.map(|corner| self.position(corner));
-        self.line(format_args!("f {a} {b} {c} {d}"));
-    }
-
-    /// A block on a square base: its middle, half its first horizontal axis (the other is at right angles), and half
-    /// its height. Negative halves turn it inside out.
-    fn block(&mut self, center: Vec3, x: Vec3, half_height: f32) {
-        let axes = Mat3::from_cols(x, vec3(0.0, half_height, 0.0), vec3(-x.z, 0.0, x.x));
-        for axis in 0..3 {
-            for side in [-1.0, 1.0] {
-                let [n, u, v] = [0, 1, 2].map(|step| axes.col((axis + step) % 3));
-                let n = n * side;
-                let u = u * side;
-                self.quad([n - u - v, n + u - v, n + u + v, n - u + v].map(|corner| center + corner));
-            }
-        }
-    }
-
-    /// A sheet of `columns` × `rows` quads over (u, v) in [0, 1]², seen from the side where u runs to the right and v
-    /// upwards, with texture coordinates that run to `repeat` and perhaps smooth normals.
-    fn sheet(&mut self, columns: usize, rows: usize, repeat: f32, point: impl Fn(f32, f32) -> Vec3, smooth: bool) {
-        let first = self.positions;
-        for row in 0..=rows {
-            for column in 0..=columns {
-                let (u, v) = (column as f32 / columns as f32, row as f32 / rows as f32);
-                self.position(point(u, v));
-                self.uv(repeat * Vec2::new(u, v));
-                if smooth {
-                    let step = 1e-2;
-                    let du = point(u + step, v) - point(u - step, v);
-                    let dv = point(u, v + step) - point(u, v - step);
-                    self.normal(du.cross(dv).normalize());
-                }
-            }
-        }
-        let [uv, normal] =
-            [self.uvs, self.normals].map(|count| count - (columns + 1) * (rows + 1) * usize::from(count > 0));
-        for row in 0..rows {
-            for column in 0..columns {
-                let corner = |x: usize, y: usize| {
-                    let index = (row + y) * (columns + 1) + column + x + 1;
-                    if smooth {
-                        format!("{}/{}/{}", first + index, uv + index, normal + index)
-                    } else {
-                        format!("{}/{}", first + index, uv + index)
-                    }
-                };
-                let [a, b, c, d] = [corner(0, 0), corner(1, 0), corner(1, 1), corner(0, 1)];
-                self.line(format_args!("f {a} {b} {c} {d}"));
-            }
-        }
-    }
-
-    /// A surface of revolution about a vertical axis: the profile runs upwards on the outside, (distance from the
-    /// axis, height) over t in [0, 1]. u runs around, v along the profile.
-    fn lathe(&mut self, center: Vec3, rows: usize, segments: usize, profile: impl Fn(f32) -> Vec2) {
-        self.lathe_tiled(center, rows, segments, Vec2::ONE, profile);
-    }
-
-    /// The same with texture coordinates that run to `repeat`.
-    fn lathe_tiled(&mut self, center: Vec3, rows: usize, segments: usize, repeat: Vec2, profile: impl Fn(f32) -> Vec2) {
-        let [position, uv, normal] = [self.positions, self.uvs, self.normals];
-        let point = |t: f32, angle: f32| {
-            let Vec2 { x: radius, y: height } = profile(t);
-            vec3(radius * angle.sin(), height, radius * angle.cos())
-        };
-        for row in 0..=rows {
-            let t = row as f32 / rows as f32;
-            for segment in 0..segments {
-                let angle = TAU * segment as f32 / segments as f32;
-                self.position(center + point(t, angle));
-                let step = 1e-3;
-                let along = profile((t + step).min(1.0)) - profile((t - step).max(0.0));
-                let outwards = Vec2::new(along.y, -along.x).normalize();
-                self.normal(vec3(outwards.x * angle.sin(), outwards.y, outwards.x * angle.cos()));
-            }
-            for segment in 0..=segments {
-                self.uv(repeat * Vec2::new(segment as f32 / segments as f32, t));
-            }
-        }
-        for row in 0..rows {
-            for segment in 0..segments {
-                let corner = |x: usize, y: usize| {
-                    let vertex = (row + y) * segments + (segment + x) % segments + 1;
-                    let coordinate = (row + y) * (segments + 1) + segment + x + 1;
-                    format!("{}/{}/{}", position + vertex, uv + coordinate, normal + vertex)
-                };
-                let [a, b, c, d] = [corner(0, 0), corner(1, 0), corner(1, 1), corner(0, 1)];
-                let at_axis = |row: usize| profile(row as f32 / rows as f32).x.abs() < 1e-4;
-                match (at_axis(row), at_axis(row + 1)) {
-                    (true, _) => self.line(format_args!("f {a} {c} {d}")),
-                    (_, true) => self.line(format_args!("f {a} {b} {c}")),
-                    _ => self.line(format_args!("f {a} {b} {c} {d}")),
-                }
-            }
-        }
-    }
-
-    fn sphere(&mut self, center: Vec3, radius: f32, rows: usize, segments: usize) {
-        self.lathe(center, rows, segments, |t| radius * Vec2::new((PI * t).sin(), -(PI * t).cos()));
-    }
-
-    /// An octahedron whose triangles are split in four `levels` times and pushed out to the sphere, without normals.
-    fn facetted_sphere(&mut self, center: Vec3, radius: f32, levels: u32) {
-        fn split(corners: [Vec3; 3], levels: u32, emit: &mut impl FnMut([Vec3; 3])) {
-            if levels == 0 {
-                return emit(corners);
-            }
-            let [a, b, c] = corners;
-            let [ab, bc, ca] = [(a + b).normalize(), (b + c).normalize(), (c + a).normalize()];
-            for corners in [[a, ab, ca], [ab, b, bc], [ca, bc, c], [ab, bc, ca]] {
-                split(corners, levels - 1, emit);
-            }
-        }
-        for octant in 0..8 {
-            let [x, y, z] = [1, 2, 4].map(|bit| if octant & bit == 0 { 1.0 } else { -1.0 });
-            let mut corners = [Vec3::X * x, Vec3::Y * y, Vec3::Z * z];
-            if x * y * z < 0.0 {
-                corners.swap(1, 2);
-            }
-            split(corners, levels, &mut |corners| self.triangle(corners.map(|corner| center + radius * corner)));
-        }
-    }
-}
-
-/// A number with five decimals at most, and no sign before zero.
-struct Short(f32);
-
-impl std::fmt::Display for Short {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        let text = format!("{:.5}", self.0);
-        let text = text.trim_end_matches('0').trim_end_matches('.');
-        f.write_str(if text == "-0" { "0" } else { text })
-    }
-}
-
 /// SplitMix64 (Steele et al. 2014), uniform in [0, 1).
 struct Random(u64);
 
 impl Random {
+    /// Uniform in a cube.
+    fn vector(&mut self) -> Vec3 {
+        vec3(self.next(), self.next(), self.next())
+    }
+
     fn next(&mut self) -> f32 {
         self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
         let mut z = self.0;
