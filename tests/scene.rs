@@ -518,6 +518,10 @@ fn opacities_are_alphas_or_brightnesses() {
         [(1.0, vec![0.0, code(51)]), (0.5, vec![code(51), code(52)]), (1.0, vec![0.25]), (1.0, vec![code(51)])];
     assert_eq!(opacities, expected);
     let Surface::Diffuse { albedo } = scene.materials[0].surface else { panic!("diffuse") };
+    let without = mtl.replace("map_d t.png", "map_d grey.png");
+    fs::write(folder.path("a.mtl"), without).unwrap();
+    let warnings = folder.load("s.toml").unwrap().1;
+    assert!(warnings.iter().any(|warning| warning.to_string().contains("its alpha makes no holes")), "{warnings:?}");
     assert_eq!(scene.textures[albedo.texture.unwrap() as usize].texels[1][0].to_f32(), 1.0);
 }
 

@@ -7,7 +7,7 @@ use std::path::Path;
 use exr::prelude::{ReadChannels, ReadLayers};
 use glam::Vec3;
 use half::f16;
-use image::{DynamicImage, ImageReader};
+use image::{DynamicImage, GenericImageView, ImageReader};
 
 use super::error::{Error, Place, Warning, open};
 use super::light::BRIGHTEST;
@@ -27,37 +27,23 @@ struct Picture<T> {
     texels: Vec<T>,
 }
 
-/// Reads a texture from a PNG, JPEG or EXR file. Colours above 1, which only EXR can hold, are clamped with a warning.
-pub(super) fn texture(path: &Path, named_by: &Place, warnings: &mut Vec<Warning>) -> Result<Texture, Error> {
-    decoded(path, named_by, warnings, srgb_to_linear)
+/// Reads a texture from a PNG, JPEG or EXR file, and tells whether that has an alpha channel that is not 1 everywhere, of which the texture has
+/// nothing. Colours above 1, which only EXR can hold, are clamped with a warning.
+pub(super) fn texture(path: &Path, named_by: &Place, warnings: &mut Vec<Warning>) -> Result<(Texture, bool), Error> {
+    if is_exr(path, named_by)? {
+        return Ok((read_shares(path, warnings)?, false));
+    }
+    let image = read_image(path, named_by)?;
+    let has_alpha = has_alpha(&image);
+    Ok((of_picture(path, of_codes(image, srgb_to_linear)), has_alpha))
 }
 
 /// The same of numbers that are no colours: codes are taken as they are.
 pub(super) fn numbers(path: &Path, named_by: &Place, warnings: &mut Vec<Warning>) -> Result<Texture, Error> {
-    decoded(path, named_by, warnings, |code| code)
-}
-
-fn decoded(
-    path: &Path,
-    named_by: &Place,
-    warnings: &mut Vec<Warning>,
-    number: fn(f32) -> f32,
-) -> Result<Texture, Error> {
-    let Picture { width, height, texels } = if is_exr(path, named_by)? {
-        let mut picture = read_exr(path)?;
-        check_texels(path, &picture, f32::MAX)?;
-        let clamped = change(&mut picture, |color| color.clamp(Vec3::ZERO, Vec3::ONE));
-        if clamped > 0 {
-            let message =
-                format!("{clamped} texels lie outside of [0, 1]: clamped, as nothing reflects more than it gets");
-            warnings.push(Warning { place: Place::file(path), message });
-        }
-        let texels = picture.texels.iter().map(|color| color.extend(1.0).to_array().map(f16::from_f32));
-        Picture { width: picture.width, height: picture.height, texels: texels.collect() }
-    } else {
-        read_codes(path, named_by, number)?
-    };
-    Ok(Texture { name: file_name(path), width, height, texels })
+    match is_exr(path, named_by)? {
+        true => read_shares(path, warnings),
+        false => Ok(of_picture(path, of_codes(read_image(path, named_by)?, |code| code))),
+    }
 }
 
 /// Reads how much of a surface is there: the alpha of a PNG file with such a channel, unless that is 1 everywhere; else the brightness, codes
@@ -73,20 +59,26 @@ pub(super) fn opacity(path: &Path, named_by: &Place, warnings: &mut Vec<Warning>
         return Ok(texture);
     }
     let image = read_image(path, named_by)?;
-    let (width, height, has_alpha) = (image.width(), image.height(), image.color().has_alpha());
+    let counted = usize::from(has_alpha(&image));
     let image = image.into_luma_alpha16();
-    let has_alpha = has_alpha && image.pixels().any(|pixel| pixel.0[1] != u16::MAX);
-    let codes = image.pixels().map(|pixel| pixel.0[usize::from(has_alpha)]);
+    let (width, height) = image.dimensions();
+    let codes = image.pixels().map(|pixel| pixel.0[counted]);
     let texels = codes.map(|code| grey(f16::from_f32(f32::from(code) / 65535.0))).collect();
-    Ok(Texture { name: file_name(path), width, height, texels })
+    Ok(of_picture(path, Picture { width, height, texels }))
+}
+
+/// Whether an image has an alpha channel that is not 1 everywhere.
+fn has_alpha(image: &DynamicImage) -> bool {
+    image.color().has_alpha() && image.pixels().any(|(_, _, pixel)| pixel.0[3] != u8::MAX)
 }
 
 /// Of linear Rec. 709.
 const LUMINANCE: Vec3 = Vec3::new(0.2126, 0.7152, 0.0722);
 
-/// A texture's name.
-fn file_name(path: &Path) -> String {
-    path.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default()
+/// A texture with its file's name.
+fn of_picture(path: &Path, Picture { width, height, texels }: Picture<[f16; 4]>) -> Texture {
+    let name = path.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
+    Texture { name, width, height, texels }
 }
 
 /// Reads measurements, times `scale`, from a PNG or JPEG file, in sRGB or linear, or from a linear EXR file.
@@ -99,15 +91,14 @@ pub(super) fn measured(path: &Path, is_srgb: bool, scale: f32) -> Result<Texture
         let texels = picture.texels.iter().map(|color| scaled(*color).extend(1.0).to_array().map(f16::from_f32));
         Picture { width: picture.width, height: picture.height, texels: texels.collect() }
     } else {
-        let mut picture = read_codes(path, &named_by, if is_srgb { srgb_to_linear } else { |code| code })?;
+        let mut picture = of_codes(read_image(path, &named_by)?, if is_srgb { srgb_to_linear } else { |code| code });
         for texel in &mut picture.texels {
             let [red, green, blue, _] = texel.map(f16::to_f32);
             *texel = scaled(Vec3::new(red, green, blue)).extend(1.0).to_array().map(f16::from_f32);
         }
         picture
     };
-    let Picture { width, height, texels } = picture;
-    Ok(Texture { name: file_name(path), width, height, texels })
+    Ok(of_picture(path, picture))
 }
 
 /// Reads a lat-long environment from an EXR file, each radiance times `scale`. Negative radiances become 0 with a
@@ -194,16 +185,29 @@ fn read_image(path: &Path, named_by: &Place) -> Result<DynamicImage, Error> {
     reader.decode().map_err(broken)
 }
 
-/// Reads a PNG or JPEG, `number` telling what a code stands for, both in [0, 1].
-fn read_codes(path: &Path, named_by: &Place, number: fn(f32) -> f32) -> Result<Picture<[f16; 4]>, Error> {
-    let image = read_image(path, named_by)?.into_rgb16();
+/// The colours of an image, `number` telling what a code stands for, both in [0, 1].
+fn of_codes(image: DynamicImage, number: fn(f32) -> f32) -> Picture<[f16; 4]> {
+    let image = image.into_rgb16();
     let (width, height) = image.dimensions();
     let linear: Vec<f16> = (0..=u16::MAX).map(|code| f16::from_f32(number(f32::from(code) / 65535.0))).collect();
     let texels = image.pixels().map(|pixel| {
         let [red, green, blue] = pixel.0.map(|code| linear[usize::from(code)]);
         [red, green, blue, f16::ONE]
     });
-    Ok(Picture { width, height, texels: texels.collect() })
+    Picture { width, height, texels: texels.collect() }
+}
+
+/// Reads the numbers of an OpenEXR file as shares of 1, clamped with a warning.
+fn read_shares(path: &Path, warnings: &mut Vec<Warning>) -> Result<Texture, Error> {
+    let mut picture = read_exr(path)?;
+    check_texels(path, &picture, f32::MAX)?;
+    let clamped = change(&mut picture, |color| color.clamp(Vec3::ZERO, Vec3::ONE));
+    if clamped > 0 {
+        let message = format!("{clamped} texels lie outside of [0, 1]: clamped, as nothing reflects more than it gets");
+        warnings.push(Warning { place: Place::file(path), message });
+    }
+    let texels = picture.texels.iter().map(|color| color.extend(1.0).to_array().map(f16::from_f32));
+    Ok(of_picture(path, Picture { width: picture.width, height: picture.height, texels: texels.collect() }))
 }
 
 /// The decoding function of IEC 61966-2-1.

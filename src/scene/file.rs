@@ -13,7 +13,7 @@ use super::obj::{self, Normals, beside};
 use super::table::{Source, Table, Value, read_text};
 use super::{
     Bounds, Camera, Color, Environment, Film, Fresnel, Instance, LayerBase, Layered, Lens, Material, Mesh, Opacity,
-    Scene, Sun, Surface, Woven, decode, metals,
+    Scene, Sun, Surface, Texture, Woven, decode, metals,
 };
 
 /// Size of the picture unless the scene file says otherwise.
@@ -158,17 +158,26 @@ fn decode_textures(scene: &mut Scene, files: &[TextureFile], warnings: &mut Vec<
         for texture in of_color.into_iter().chain([&mut opacity.texture]) {
             let Some(index) = texture.map(|index| index as usize) else { continue };
             if decoded[index].is_none() {
-                let TextureFile { path, holds, named_by } = &files[index];
                 decoded[index] = Some(scene.textures.len() as u32);
-                scene.textures.push(match holds {
-                    Holds::Colors => decode::texture(path, named_by, warnings)?,
-                    Holds::Opacities => decode::opacity(path, named_by, warnings)?,
-                });
+                scene.textures.push(decode_texture(&files[index], files, warnings)?);
             }
             *texture = decoded[index];
         }
     }
     Ok(())
+}
+
+fn decode_texture(file: &TextureFile, all: &[TextureFile], warnings: &mut Vec<Warning>) -> Result<Texture, Error> {
+    let TextureFile { path, holds, named_by } = file;
+    if *holds == Holds::Opacities {
+        return decode::opacity(path, named_by, warnings);
+    }
+    let (texture, has_alpha) = decode::texture(path, named_by, warnings)?;
+    if has_alpha && !all.iter().any(|other| other.holds == Holds::Opacities && other.path == *path) {
+        let message = "its alpha makes no holes: `map_d`, or `opacity` in a scene file, does".to_owned();
+        warnings.push(Warning { place: Place::file(path), message });
+    }
+    Ok(texture)
 }
 
 /// A texture needs coordinates to be looked up at.

@@ -63,7 +63,7 @@ impl SurfaceMaps {
             let read = |value: Value| {
                 let (file, place) = (beside(path, value.string()?), value.place());
                 match is_color {
-                    true => decode::texture(&file, &place, &mut warnings),
+                    true => decode::texture(&file, &place, &mut warnings).map(|(texture, _)| texture),
                     false => decode::numbers(&file, &place, &mut warnings),
                 }
             };
