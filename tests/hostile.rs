@@ -69,7 +69,7 @@ struct Folder(tempfile::TempDir);
 
 const OBJ: &str = "mtllib a.mtl\no first\nv 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0.5\nvt 0 0\nvt 1 0\nvt 1 1\nvn 0 0 1\n\
     usemtl m\nf 1/1/1 2/2/1 3/3/1\nusemtl n\nf 1 -2 -1 2\nusemtl p\nf 4/1/1 3/1/1 2/2/1\nusemtl q\nf 1 2 4\n";
-const MTL: &str = "newmtl m\nKd .5 .5 .5\nmap_Kd -s 1 1 1 a.png\nmap_d a.png\nd 0.5\nnewmtl n\nKs .5 .4 .3\nNs 20\nKd 0 0 0\nillum 3\n\
+const MTL: &str = "newmtl m\nKd .5 .5 .5\nmap_Kd -s 1 1 1 a.png\nmap_d a.png\nd 0.5\nnorm a.tga\nnewmtl n\nKs .5 .4 .3\nNs 20\nKd 0 0 0\nillum 3\n\
     newmtl q\nnewmtl p\nKe 1 2 3\nmap_Kd a.jpg\nPr 0.5\nPm 1\n";
 const TOML: &str = "[camera]\neye = [0, 0, 5]\ntarget = [0, 0, 0]\nfov = 40\nlens_radius = 0.1\n[film]\nwidth = 8\n\
     height = 8\n[[mesh]]\nfile = \"a.obj\"\ncrease_angle = 30\ntransform = { scale = 2, rotate = [0, 10, 0] }\n\
@@ -84,6 +84,7 @@ impl Folder {
         let image = image::RgbImage::from_fn(24, 24, |x, y| image::Rgb([x as u8 * 9, y as u8 * 9, 77]));
         image.save(folder.path("a.png")).unwrap();
         image.save(folder.path("a.jpg")).unwrap();
+        image.save(folder.path("a.tga")).unwrap();
         let color = |x: usize, y: usize| (x as f32, y as f32, 0.5);
         exr::prelude::write_rgb_file(folder.path("a.exr"), 16, 8, color).unwrap();
         let [first, second] = [networks::made(1.0, 4.0, 0.1), networks::made(5.0, 60.0, 0.02)];
@@ -211,7 +212,7 @@ fn assert_valid(scene: &Scene) {
     }
 }
 
-const FILES: [&str; 7] = ["a.obj", "a.mtl", "a.toml", "a.png", "a.jpg", "a.exr", "a.safetensors"];
+const FILES: [&str; 8] = ["a.obj", "a.mtl", "a.toml", "a.png", "a.jpg", "a.tga", "a.exr", "a.safetensors"];
 
 /// Unlike the override of the seed, this one keeps both textures in use.
 fn folder_with_textures() -> Folder {

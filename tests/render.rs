@@ -555,19 +555,27 @@ fn only_scenes_with_materials_that_vary_keep_footprints() {
     assert!(constant.lacks_of(&varies).is_some() && varies.lacks_of(&constant).is_none());
 }
 
-/// A scene without holes is rendered by kernels that do not ask for them.
+/// A scene without holes and maps of normals is rendered by kernels that do not ask for them.
 #[test]
-fn only_scenes_with_holes_ask_for_them() {
-    let mut scene = still_life(diffuse(0.5));
-    let features = |scene: &Scene| Features::of(scene, &LightTable::new(scene));
-    let whole = features(&scene);
-    scene.materials[1].opacity.value = 0.5;
-    let pierced = features(&scene);
-    for (features, value) in [(whole, 0), (pierced, 1)] {
+fn only_scenes_with_holes_and_normal_maps_look_for_them() {
+    let features = |opacity: f32, normal_map: Option<u32>| {
+        let mut scene = still_life(diffuse(0.5));
+        scene.materials[1].opacity.value = opacity;
+        scene.materials[1].normal_map = normal_map;
+        Features::of(&scene, &LightTable::new(&scene))
+    };
+    let plain = features(1.0, None);
+    for (features, constants) in [
+        (plain, [(15, 0), (16, 0)]),
+        (features(0.5, None), [(15, 1), (16, 0)]),
+        (features(1.0, Some(0)), [(15, 0), (16, 1)]),
+    ] {
         let plans = features.kernels(Traversal::RayQuery, &settings(), 64);
-        assert!(plans.iter().all(|plan| plan.specialization.contains(&(15, value))));
+        let has = |constant: &(u32, u32)| plans.iter().all(|plan| plan.specialization.contains(constant));
+        assert!(constants.iter().all(has), "{constants:?}");
+        assert_eq!(plain.lacks_of(&features).is_some(), features != plain);
+        assert!(features.lacks_of(&plain).is_none());
     }
-    assert!(whole.lacks_of(&pierced).is_some() && pierced.lacks_of(&whole).is_none());
 }
 
 /// Of those that vary, only scenes with frames have kernels that turn directions into them.

@@ -240,8 +240,8 @@ fn mtl_statements_map_onto_surfaces() {
 
 #[test]
 fn unsupported_mtl_statements_warn_once_each() {
-    let (_, warnings) = mtl("map_Ks a.png\nbump b.png\nmap_Bump c.png\nKd 2\nPm .7\nnewmtl n\nmap_Ks x.png\n");
-    for part in ["`map_Ks`", "`map_Bump`", "clamped", "Pm 0.7 is taken as 1"] {
+    let (_, warnings) = mtl("map_Ks a.png\nmap_Ns b.png\nmap_Ns c.png\nKd 2\nPm .7\nnewmtl n\nmap_Ks x.png\n");
+    for part in ["`map_Ks`", "`map_Ns`", "clamped", "Pm 0.7 is taken as 1"] {
         assert_eq!(warnings.iter().filter(|warning| warning.contains(part)).count(), 1, "{part}: {warnings:?}");
     }
     assert_eq!(warnings.len(), 4);
@@ -525,6 +525,34 @@ fn opacities_are_alphas_or_brightnesses() {
     assert_eq!(scene.textures[albedo.texture.unwrap() as usize].texels[1][0].to_f32(), 1.0);
 }
 
+/// What is called a bump map holds normals, or heights, which are left out with a warning, as is a file that cannot be read.
+#[test]
+fn bump_maps_may_hold_normals() {
+    let obj = "mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nusemtl a\nf 1/1 2/1 3/1\nusemtl b\nf 1/1 2/1 3/1\nusemtl c\nf 1/1 2/1 3/1\nusemtl d\nf 1/1 2/1 3/1\n";
+    let mtl = "newmtl a\nmap_Bump -bm 1.0 normals.png\nnewmtl b\nbump heights.png\nnewmtl c\nnorm normals.tga\nnewmtl d\nmap_bump none.tif\n";
+    let toml = format!("[[mesh]]\nfile = 'a.obj'\n[material.b]\n{SKY}");
+    let folder = Folder::new(&[("a.obj", obj), ("a.mtl", mtl), ("s.toml", &toml)]);
+    let normals = image::RgbImage::from_fn(2, 1, |x, _| image::Rgb([128 + x as u8, 128, 255]));
+    ["normals.png", "normals.tga"].iter().for_each(|name| normals.save(folder.path(name)).unwrap());
+    image::GrayImage::from_fn(2, 1, |x, _| image::Luma([90 * x as u8])).save(folder.path("heights.png")).unwrap();
+    let (scene, warnings) = folder.load("s.toml").unwrap();
+    let map = |index: usize| scene.materials[index].normal_map;
+    assert!(map(0).is_some() && map(1).is_none() && map(2).is_some() && map(3).is_none());
+    let texels = |index: usize| &scene.textures[map(index).unwrap() as usize].texels;
+    assert!(texels(0) == texels(2) && texels(0)[1][0] == f16::from_f32(129.0 / 255.0), "as it is written");
+    let warnings: Vec<String> = warnings.iter().map(Warning::to_string).collect();
+    for part in ["heights.png: it holds heights", "none.tif: no bumps"] {
+        assert_eq!(warnings.iter().filter(|warning| warning.contains(part)).count(), 1, "{part}: {warnings:?}");
+    }
+    assert_eq!(warnings.len(), 2, "{warnings:?}");
+
+    let toml = format!("[[mesh]]\nfile = 'a.obj'\n[material.b]\nnormal_map = 'heights.png'\n{SKY}");
+    fs::write(folder.path("t.toml"), toml).unwrap();
+    let (now, _) = folder.load("t.toml").unwrap();
+    assert!(now.materials[1].normal_map.is_some(), "who says that it is one knows");
+    assert_ne!(now.hash(), scene.hash());
+}
+
 #[test]
 fn environments_load_row_by_row_from_the_zenith() {
     let file = "[[mesh]]\nfile = 'a.obj'\n[environment]\nfile = 'sky.exr'\nscale = [1, 2, 4]\nrotate = 45\n";
@@ -611,6 +639,7 @@ fn shipped_scenes_cover_every_feature() {
     assert!(surface(&|s| matches!(s, Surface::Coated { alpha, .. } if *alpha == 0.0)));
     assert!(surface(&|s| matches!(s, Surface::Coated { alpha, .. } if *alpha > 0.0)));
     assert!(any(&|scene| scene.materials.iter().any(|material| material.opacity.texture.is_some())));
+    assert!(any(&|scene| scene.materials.iter().any(|material| material.normal_map.is_some())));
     assert!(any(&|scene| scene.environment.as_ref().is_some_and(|sky| sky.width == 256)));
     assert!(any(&|scene| scene.sun.is_some()));
     assert!(any(&|scene| scene.camera.lens.is_some()));

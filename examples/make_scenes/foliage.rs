@@ -34,10 +34,11 @@ pub fn write(folder: &Path) -> Outcome {
     }
     let mut ground = Obj::new("foliage.mtl");
     ground.object("ground", "ground");
-    ground.sheet(1, 1, 1.0, |u, v| vec3(60.0 * (u - 0.5), 0.0, 60.0 * (0.5 - v)), false);
+    ground.sheet(1, 1, 40.0, |u, v| vec3(60.0 * (u - 0.5), 0.0, 60.0 * (0.5 - v)), false);
     let mtl = "\
 newmtl ground
 Kd 0.3 0.26 0.17
+norm soil.png
 newmtl bark
 Kd 0.18 0.13 0.1
 newmtl leaf
@@ -80,6 +81,7 @@ irradiance = [3.2, 2.9, 2.4]
     let files = [("scene.toml", toml), ("foliage.mtl", mtl), ("tree.obj", &tree.text), ("ground.obj", &ground.text)];
     save(folder, &files)?;
     image::RgbaImage::from_fn(SIZE, SIZE, texel).save(folder.join("sprig.png"))?;
+    soil().save(folder.join("soil.png"))?;
     Ok(())
 }
 
@@ -88,6 +90,20 @@ fn square(obj: &mut Obj, at: Vec3, along: Vec3, turn: f32, size: f32) {
     let frame = Mat3::from_quat(Quat::from_rotation_arc(Vec3::Y, along) * Quat::from_rotation_y(turn));
     let point = |u: f32, v: f32| at + frame * (size * vec3(2.0 * u - 1.0, 2.0 * v, 0.0));
     obj.sheet(1, 1, 1.0, point, false);
+}
+
+/// Normals over waves that run every which way and fit the texture's sides.
+fn soil() -> image::RgbImage {
+    let mut random = Random(11);
+    let mut whole = |most: f32| (random.next() * (2.0 * most + 1.0)).floor() - most;
+    let waves: Vec<Vec3> = (0..40).map(|_| vec3(whole(9.0), whole(9.0), whole(50.0))).collect();
+    image::RgbImage::from_fn(64, 64, |x, y| {
+        let at = Vec2::new(x as f32 + 0.5, 63.5 - y as f32) / 64.0;
+        let slope: Vec2 =
+            waves.iter().map(|wave| 0.012 * wave.truncate() * (TAU * wave.truncate().dot(at) + wave.z).cos()).sum();
+        let normal = (-slope).extend(1.0).normalize();
+        image::Rgb((255.0 * (0.5 + 0.5 * normal)).to_array().map(|code| code.round() as u8))
+    })
 }
 
 /// Colour and, from 16 points, alpha.

@@ -51,6 +51,8 @@ struct MaterialRecord {
     uvec2 table;         // address of a CoatTable: coated with alpha > 0; of a LobeTable: sampled by lib/lobe.glsl; else null
     float opacity;         // the probability with which a ray meets the surface,
     uint opacity_texture;  // times the red of that texture, or NO_TEXTURE
+    uint normal_map;       // index of a texture of shading normals, or NO_TEXTURE
+    uint padding;
 };
 
 uint material_family(uint flags) {

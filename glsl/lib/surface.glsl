@@ -7,7 +7,11 @@
 #include "layout/scene.glsl"
 #include "lib/frame.glsl"
 #include "lib/offset.glsl"
+#include "lib/texture.glsl"
 #include "lib/triangle.glsl"
+
+// Some material has a map of normals.
+layout(constant_id = 16) const bool HAS_NORMAL_MAPS = false;
 
 struct Surface {
     vec3 position;            // world space
@@ -27,6 +31,21 @@ vec3 transform_normal(mat4x3 world_to_object, vec3 normal) {
 
 vec3 absolute_transform(mat4x3 m, vec3 p) {
     return abs(m[0]) * p.x + abs(m[1]) * p.y + abs(m[2]) * p.z;
+}
+
+// What a normal map says of a shading normal: `mapped_normal` of src/material/frame.rs.
+vec3 mapped_normal(vec3 texel, vec3 normal, vec3 dpdu, vec3 dpdv) {
+    vec3 across = dpdu - normal * dot(normal, dpdu);
+    if (!(dot(across, across) > 1e-10 * dot(dpdu, dpdu))) {
+        return normal;
+    }
+    vec3 along_u = normalize(across);
+    vec3 along_v = cross(normal, along_u);
+    along_v = dot(along_v, dpdv) < 0.0 ? -along_v : along_v;
+    vec3 local = 2.0 * texel - 1.0;
+    // What a map has below the surface leans as far as can be.
+    local.z = max(local.z, 0.05);
+    return normalize(local.x * along_u + local.y * along_v + local.z * normal);
 }
 
 Surface surface_at(SceneTable scene, Hit hit, vec3 origin, vec3 direction, bool opaque) {
@@ -55,6 +74,7 @@ Surface surface_at(SceneTable scene, Hit hit, vec3 origin, vec3 direction, bool 
     vec3 geometric = cross(v1 - v0, v2 - v0);
     vec3 shading = vec3(0.0);
     vec3 dpdu = vec3(0.0);
+    vec3 dpdv = vec3(0.0);
     surface.uv = vec2(0.0);
     float uv_area = 0.0;
     if (has_normals(mesh)) {
@@ -65,11 +85,12 @@ Surface surface_at(SceneTable scene, Hit hit, vec3 origin, vec3 direction, bool 
         vec2 edge_1 = mesh.uvs.at[corners.y] - uv0;
         vec2 edge_2 = mesh.uvs.at[corners.z] - uv0;
         surface.uv = uv0 + u * edge_1 + v * edge_2;
-        // dp/du times the determinant of the texture mapping, which counts for its sign alone.
+        // dp/du and dp/dv times the determinant of the texture mapping, which counts for its sign alone.
         float determinant = edge_1.x * edge_2.y - edge_1.y * edge_2.x;
         float sign_of_map = determinant < 0.0 ? -1.0 : 1.0;
         uv_area = abs(determinant);
         dpdu = sign_of_map * (edge_2.y * (v1 - v0) - edge_1.y * (v2 - v0));
+        dpdv = sign_of_map * (edge_1.x * (v2 - v0) - edge_2.x * (v1 - v0));
     }
     if (INSTANCED) {
         vec3 error = surface.position_error;
@@ -80,6 +101,7 @@ Surface surface_at(SceneTable scene, Hit hit, vec3 origin, vec3 direction, bool 
         geometric = transform_normal(instance.world_to_object, geometric);
         shading = transform_normal(instance.world_to_object, shading);
         dpdu = mat3(instance.object_to_world) * dpdu;
+        dpdv = mat3(instance.object_to_world) * dpdv;
     }
     vec3 edge_1 = v1 - v0;
     vec3 edge_2 = v2 - v0;
@@ -89,10 +111,16 @@ Surface surface_at(SceneTable scene, Hit hit, vec3 origin, vec3 direction, bool 
     }
     surface.uv_density = has_uvs(mesh) ? uv_area / length(cross(edge_1, edge_2)) : 1e12;
     surface.front = normalize_or(geometric, vec3(0.0, 1.0, 0.0));
+    surface.material = material_of(mesh, hit.triangle);
+    if (HAS_NORMAL_MAPS) {
+        uint map = scene.materials.at[surface.material].normal_map;
+        if (map != NO_TEXTURE) {
+            shading = mapped_normal(texture_color(scene.textures.at[map], surface.uv), normalize_or(shading, surface.front), dpdu, dpdv);
+        }
+    }
     surface.frame = frame_make(-direction, geometric, shading, dpdu, opaque);
     vec3 travelled = surface.position - origin;
     surface.distance_squared = dot(travelled, travelled);
-    surface.material = material_of(mesh, hit.triangle);
     return surface;
 }
 

@@ -194,6 +194,10 @@ typedef enum NeubrdfReserve {
    * Sparse samples.
    */
   NEUBRDF_RESERVE_SPARSE = 262144,
+  /**
+   * Maps of normals.
+   */
+  NEUBRDF_RESERVE_NORMAL_MAPS = 524288,
 } NeubrdfReserve;
 
 /**
@@ -498,6 +502,11 @@ typedef struct NeubrdfMaterial {
    * 1 + the index of a texture that 1 - `transparency` is multiplied by, by its red; 0 for none.
    */
   uint32_t opacity_texture;
+  /**
+   * 1 + the index of a texture of shading normals: x along u, y along v, z along the triangle's own, each from -1 (0 in the texture) to 1;
+   * 0 for none.
+   */
+  uint32_t normal_map;
 } NeubrdfMaterial;
 
 /**

@@ -81,6 +81,8 @@ pub enum NeubrdfReserve {
     Rgl = 131072,
     /// Sparse samples.
     Sparse = 262144,
+    /// Maps of normals.
+    NormalMaps = 524288,
 }
 
 /// What a host may choose; all of it may be 0.
@@ -251,7 +253,7 @@ impl NeubrdfOptions {
             (NeubrdfReserve::Sparse, Family::Sparse),
         ];
         let has = |bit: NeubrdfReserve| self.reserve & bit as u32 != 0;
-        if self.reserve & !0x7_ffff != 0 {
+        if self.reserve & !0xf_ffff != 0 {
             return Err(Failure::argument(format!(
                 "NeubrdfOptions.reserve is {:#x}: bits of NeubrdfReserve",
                 self.reserve
@@ -268,6 +270,7 @@ impl NeubrdfOptions {
             textures: has(NeubrdfReserve::Textures),
             footprints: has(NeubrdfReserve::Footprints),
             holes: has(NeubrdfReserve::Holes),
+            normal_maps: has(NeubrdfReserve::NormalMaps),
             neubrdf_queues: self.neubrdf_count.clamp(1, Features::MOST_NEUBRDF_QUEUES),
         })
     }

@@ -106,6 +106,9 @@ pub struct NeubrdfMaterial {
     pub transparency: f32,
     /// 1 + the index of a texture that 1 - `transparency` is multiplied by, by its red; 0 for none.
     pub opacity_texture: u32,
+    /// 1 + the index of a texture of shading normals: x along u, y along v, z along the triangle's own, each from -1 (0 in the texture) to 1;
+    /// 0 for none.
+    pub normal_map: u32,
 }
 
 sized_structs! { NeubrdfCamera: 52, NeubrdfMesh: 56, NeubrdfMaterial: 76 }
@@ -195,7 +198,8 @@ impl NeubrdfMaterial {
         };
         let opacity = Opacity { value: 1.0 - self.transparency, texture: self.opacity_texture.checked_sub(1) };
         let emits_both_sides = self.emits_both_sides != 0;
-        Ok(Material { name, surface, emission: self.emission.into(), emits_both_sides, opacity })
+        let (emission, normal_map) = (self.emission.into(), self.normal_map.checked_sub(1));
+        Ok(Material { name, surface, emission, emits_both_sides, opacity, normal_map })
     }
 }
 

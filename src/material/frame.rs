@@ -72,10 +72,32 @@ pub fn orthonormal_basis(normal: DVec3) -> (DVec3, DVec3) {
     )
 }
 
-/// dp/du of a triangle, in the space of its positions; zero where the texture coordinates are degenerate.
-pub fn triangle_dpdu(positions: [DVec3; 3], uvs: [DVec2; 3]) -> DVec3 {
+/// dp/du and dp/dv of a triangle, in the space of its positions; zero where the texture coordinates are degenerate.
+pub fn triangle_derivatives(positions: [DVec3; 3], uvs: [DVec2; 3]) -> [DVec3; 2] {
     let (edge1, edge2) = (positions[1] - positions[0], positions[2] - positions[0]);
     let (duv1, duv2) = (uvs[1] - uvs[0], uvs[2] - uvs[0]);
     let determinant = duv1.perp_dot(duv2);
-    if determinant == 0.0 { DVec3::ZERO } else { (edge1 * duv2.y - edge2 * duv1.y) / determinant }
+    if determinant == 0.0 {
+        return [DVec3::ZERO; 2];
+    }
+    [(edge1 * duv2.y - edge2 * duv1.y) / determinant, (edge2 * duv1.x - edge1 * duv2.x) / determinant]
 }
+
+/// What a normal map says of a shading normal: the texel's x along dp/du, y at right angles to that on the side of dp/dv, z along the unit normal.
+/// A texel that points below the surface leans as far as can be; without a dp/du the normal stays.
+pub fn mapped_normal(texel: DVec3, normal: DVec3, [dpdu, dpdv]: [DVec3; 2]) -> DVec3 {
+    let Some(along_u) = dpdu.reject_from(normal).try_normalize() else { return normal };
+    let across = normal.cross(along_u);
+    let along_v = if across.dot(dpdv) < 0.0 { -across } else { across };
+    let local = map_vector(texel);
+    (local.x * along_u + local.y * along_v + local.z * normal).normalize()
+}
+
+/// The unit vector of a normal map's texel.
+pub(super) fn map_vector(texel: DVec3) -> DVec3 {
+    let vector = 2.0 * texel - 1.0;
+    vector.with_z(vector.z.max(LEAST_Z)).normalize()
+}
+
+/// Lowest z of a mapped normal before it is made a unit vector.
+const LEAST_Z: f64 = 0.05;

@@ -8,6 +8,7 @@ use glam::{DVec2, DVec3, Vec2};
 use half::f16;
 use rayon::prelude::*;
 
+use super::frame::map_vector;
 use super::{Bsdf, CoatAlbedo, Coated, Evaluate, Ggx, Prepared, color};
 use crate::scene::brdf::{Footprint, SurfaceFrame};
 use crate::scene::{Surface, SurfaceMaps, Texture};
@@ -16,8 +17,6 @@ use crate::scene::{Surface, SurfaceMaps, Texture};
 const LEAST_ALPHA: f32 = 0.02;
 /// Coats whose albedo is known, even in their roughness; a place takes the nearest.
 const COATS: usize = 33;
-/// Lowest z of a mapped normal before it is made a unit vector.
-const LEAST_Z: f64 = 0.05;
 /// Points that the average over a footprint is taken over.
 const AVERAGED: u32 = 64;
 
@@ -86,11 +85,7 @@ impl VaryingSurface {
     /// The frame at a point.
     fn frame_at(&self, uv: DVec2) -> SurfaceFrame {
         let sample = |map: &Texture| map.sample(uv.as_vec2()).as_dvec3();
-        let normal = self.maps.normal.as_ref().map(|map| {
-            let n = 2.0 * sample(map) - 1.0;
-            // What a map has below the surface leans as far as can be.
-            n.with_z(n.z.max(LEAST_Z)).normalize()
-        });
+        let normal = self.maps.normal.as_ref().map(|map| map_vector(sample(map)));
         let doubled = self.doubled.as_ref().map(|map| sample(map).truncate());
         let frame = SurfaceFrame { normal: normal.unwrap_or(DVec3::Z), doubled: doubled.unwrap_or(DVec2::X) };
         // Between texels directions are shorter than 1.

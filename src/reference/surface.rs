@@ -3,7 +3,7 @@
 use glam::{DAffine3, DMat3, DVec2, DVec3, Vec3};
 
 use super::embree::Hit;
-use crate::material::{Frame, color, triangle_dpdu, uv_density};
+use crate::material::{Frame, color, mapped_normal, triangle_derivatives, uv_density};
 use crate::scene::{Instance, Scene, Surface};
 
 /// An instance's transform, and what follows from it.
@@ -133,7 +133,8 @@ impl<'a> SurfacePoint<'a> {
             placement.normal(weights[0] * n0 + u * n1 + v * n2)
         };
         let uvs = (!mesh.uvs.is_empty()).then(|| indices.map(|index| mesh.uvs[index].as_dvec2()));
-        let dpdu = uvs.map_or(DVec3::ZERO, |uvs| placement.vector(triangle_dpdu(corners, uvs)));
+        let derivatives = uvs.map_or([DVec3::ZERO; 2], |uvs| triangle_derivatives(corners, uvs));
+        let derivatives = derivatives.map(|derivative| placement.vector(derivative));
 
         let uv = uvs.map_or(DVec2::ZERO, |uvs| weights[0] * uvs[0] + u * uvs[1] + v * uvs[2]);
         let edges = [v1 - v0, v2 - v0].map(|edge| placement.vector(edge));
@@ -147,12 +148,17 @@ impl<'a> SurfacePoint<'a> {
             surface_color *= scene.textures[texture as usize].sample(uv.as_vec2()).as_dvec3();
         }
 
+        let shading = material.normal_map.map_or(interpolated, |map| {
+            let texel = scene.textures[map as usize].sample(uv.as_vec2()).as_dvec3();
+            mapped_normal(texel, interpolated.normalize_or(geometric), derivatives)
+        });
+
         let wo = -direction;
         let opaque = !matches!(material.surface, Surface::Dielectric { .. });
         Some(SurfacePoint {
             position: placement.point(position),
             error: placement.error_bound(weighted),
-            frame: Frame::new(wo, geometric, interpolated, dpdu, opaque),
+            frame: Frame::new(wo, geometric, shading, derivatives[0], opaque),
             is_front: wo.dot(geometric) > 0.0,
             material_index,
             material,

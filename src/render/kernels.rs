@@ -37,6 +37,8 @@ pub struct Features {
     pub textures: bool,
     /// Some material on a mesh lets rays through.
     pub holes: bool,
+    /// Some material on a mesh has a map of normals.
+    pub normal_maps: bool,
     /// The camera has a lens.
     pub lens: bool,
     /// Some material on a mesh varies over a texture otherwise than by a colour.
@@ -63,6 +65,7 @@ impl Features {
             sun: scene.sun.is_some_and(|sun| sun.irradiance != Vec3::ZERO),
             textures: used().any(|material| material.textures().next().is_some()),
             holes: used().any(|material| !material.opacity.is_whole()),
+            normal_maps: used().any(|material| material.normal_map.is_some()),
             footprints: used().any(|material| is_spatial(&material.surface, &scene.brdfs)),
             lens: scene.camera.lens.is_some(),
             instanced: is_instanced(scene),
@@ -81,6 +84,7 @@ impl Features {
         sun: false,
         textures: false,
         holes: false,
+        normal_maps: false,
         footprints: false,
         lens: false,
         instanced: false,
@@ -96,6 +100,7 @@ impl Features {
             sun: self.sun || other.sun,
             textures: self.textures || other.textures,
             holes: self.holes || other.holes,
+            normal_maps: self.normal_maps || other.normal_maps,
             footprints: self.footprints || other.footprints,
             lens: self.lens || other.lens,
             instanced: self.instanced || other.instanced,
@@ -115,6 +120,7 @@ impl Features {
             (self.sun || !other.sun, "a sun"),
             (self.textures || !other.textures, "textures"),
             (self.holes || !other.holes, "materials with holes"),
+            (self.normal_maps || !other.normal_maps, "maps of normals"),
             (self.footprints || !other.footprints, "NeuBRDFs that vary over a texture"),
             (self.lens || !other.lens, "a lens"),
             (self.instanced || !other.instanced, "instances that move"),
@@ -159,6 +165,7 @@ impl Features {
             flag(13, settings.light_sampling),
             (14, settings.bsdf_sampling as u32),
             flag(15, self.holes),
+            flag(16, self.normal_maps),
             (26, self.neubrdf_queues),
             (27, settings.roulette_after),
             flag(29, self.footprints),

@@ -114,6 +114,8 @@ crate::shared_structs! {
         pub table: u64,
         pub opacity: f32,
         pub opacity_texture: u32,
+        pub normal_map: u32,
+        pub padding: u32,
     }
 }
 
@@ -134,7 +136,7 @@ impl MaterialRecord {
 
     /// All of a material but the address of its table.
     fn new(material: &Material, prepared: &Prepared, brdfs: &[Arc<Brdf>]) -> MaterialRecord {
-        let Material { surface, emission, opacity, .. } = material;
+        let Material { surface, emission, opacity, normal_map, .. } = material;
         let color = color(surface);
         let mut flags = family(surface, brdfs) as u32;
         if let Surface::Measured { brdf } = *surface {
@@ -172,6 +174,8 @@ impl MaterialRecord {
             table: 0,
             opacity: opacity.value,
             opacity_texture: opacity.texture.unwrap_or(Self::NO_TEXTURE),
+            normal_map: normal_map.unwrap_or(Self::NO_TEXTURE),
+            padding: 0,
         }
     }
 }

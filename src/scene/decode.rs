@@ -1,4 +1,4 @@
-//! Image files to linear Rec. 709 texels: PNG and JPEG (taken as sRGB) and OpenEXR (taken as linear).
+//! Image files to linear Rec. 709 texels: PNG, JPEG, TGA and BMP (taken as sRGB) and OpenEXR (taken as linear).
 
 use std::fs;
 use std::io::Read;
@@ -27,7 +27,7 @@ struct Picture<T> {
     texels: Vec<T>,
 }
 
-/// Reads a texture from a PNG, JPEG or EXR file, and tells whether that has an alpha channel that is not 1 everywhere, of which the texture has
+/// Reads a texture from a PNG, JPEG, TGA, BMP or EXR file, and tells whether that has an alpha channel that is not 1 everywhere, of which the texture has
 /// nothing. Colours above 1, which only EXR can hold, are clamped with a warning.
 pub(super) fn texture(path: &Path, named_by: &Place, warnings: &mut Vec<Warning>) -> Result<(Texture, bool), Error> {
     if is_exr(path, named_by)? {
@@ -46,7 +46,7 @@ pub(super) fn numbers(path: &Path, named_by: &Place, warnings: &mut Vec<Warning>
     }
 }
 
-/// Reads how much of a surface is there: the alpha of a PNG file with such a channel, unless that is 1 everywhere; else the brightness, codes
+/// Reads how much of a surface is there: the alpha of a file with such a channel, unless that is 1 everywhere; else the brightness, codes
 /// taken as they are.
 pub(super) fn opacity(path: &Path, named_by: &Place, warnings: &mut Vec<Warning>) -> Result<Texture, Error> {
     let grey = |number: f16| [number, number, number, f16::ONE];
@@ -81,7 +81,7 @@ fn of_picture(path: &Path, Picture { width, height, texels }: Picture<[f16; 4]>)
     Texture { name, width, height, texels }
 }
 
-/// Reads measurements, times `scale`, from a PNG or JPEG file, in sRGB or linear, or from a linear EXR file.
+/// Reads measurements, times `scale`, from a PNG, JPEG, TGA or BMP file, in sRGB or linear, or from a linear EXR file.
 pub(super) fn measured(path: &Path, is_srgb: bool, scale: f32) -> Result<Texture, Error> {
     let named_by = Place::file(path);
     let scaled = |color: Vec3| (color.max(Vec3::ZERO) * scale).min(Vec3::splat(f16::MAX.to_f32()));
@@ -168,11 +168,15 @@ fn check_size(path: &Path, width: u64, height: u64) -> Result<(), Error> {
     Err(Error::unexpected(Place::file(path), format!("an image of {width} × {height} texels"), expected))
 }
 
-/// Reads a PNG or JPEG as it is.
+/// Reads a PNG, JPEG, TGA or BMP as it is.
 fn read_image(path: &Path, named_by: &Place) -> Result<DynamicImage, Error> {
     let unreadable = |source| Error::read(path, Some(named_by), source);
     let broken = |error: image::ImageError| {
-        Error::unexpected(Place::file(path), format!("a broken image ({error})"), "a PNG, JPEG or OpenEXR image")
+        Error::unexpected(
+            Place::file(path),
+            format!("a broken image ({error})"),
+            "a PNG, JPEG, TGA, BMP or OpenEXR image",
+        )
     };
     let open = || ImageReader::open(path).and_then(ImageReader::with_guessed_format).map_err(unreadable);
     let (width, height) = open()?.into_dimensions().map_err(broken)?;

@@ -152,32 +152,53 @@ fn framing(bounds: &Bounds, film: Film) -> Camera {
 
 /// Decodes the texture files that the materials still name.
 fn decode_textures(scene: &mut Scene, files: &[TextureFile], warnings: &mut Vec<Warning>) -> Result<(), Error> {
-    let mut decoded: Vec<Option<u32>> = vec![None; files.len()];
-    for Material { surface, opacity, .. } in &mut scene.materials {
+    // What became of a file, once it is decoded.
+    let mut decoded: Vec<Option<Option<u32>>> = vec![None; files.len()];
+    for Material { surface, opacity, normal_map, .. } in &mut scene.materials {
         let of_color = surface.color_mut().map(|color| &mut color.texture);
-        for texture in of_color.into_iter().chain([&mut opacity.texture]) {
+        for texture in of_color.into_iter().chain([&mut opacity.texture, normal_map]) {
             let Some(index) = texture.map(|index| index as usize) else { continue };
             if decoded[index].is_none() {
-                decoded[index] = Some(scene.textures.len() as u32);
-                scene.textures.push(decode_texture(&files[index], files, warnings)?);
+                let found = decode_texture(&files[index], files, warnings)?;
+                decoded[index] = Some(found.map(|texture| {
+                    scene.textures.push(texture);
+                    scene.textures.len() as u32 - 1
+                }));
             }
-            *texture = decoded[index];
+            *texture = decoded[index].flatten();
         }
     }
     Ok(())
 }
 
-fn decode_texture(file: &TextureFile, all: &[TextureFile], warnings: &mut Vec<Warning>) -> Result<Texture, Error> {
+/// A texture of those; `None` where the file turns out not to be what is needed, and a warning says so.
+fn decode_texture(
+    file: &TextureFile,
+    all: &[TextureFile],
+    warnings: &mut Vec<Warning>,
+) -> Result<Option<Texture>, Error> {
     let TextureFile { path, holds, named_by } = file;
-    if *holds == Holds::Opacities {
-        return decode::opacity(path, named_by, warnings);
+    let warn = |message: String| Warning { place: Place::file(path), message };
+    match holds {
+        Holds::Colors => {
+            let (texture, has_alpha) = decode::texture(path, named_by, warnings)?;
+            if has_alpha && !all.iter().any(|other| other.holds == Holds::Opacities && other.path == *path) {
+                warnings.push(warn("its alpha makes no holes: `map_d`, or `opacity` in a scene file, does".into()));
+            }
+            Ok(Some(texture))
+        }
+        Holds::Opacities => decode::opacity(path, named_by, warnings).map(Some),
+        Holds::Normals => decode::numbers(path, named_by, warnings).map(Some),
+        Holds::Bumps => {
+            let found = decode::numbers(path, named_by, warnings);
+            let normals = found.as_ref().is_ok_and(Texture::holds_normals);
+            warnings.extend((!normals).then(|| match &found {
+                Ok(_) => warn("it holds heights, not normals: no bumps are made of it".into()),
+                Err(error) => warn(format!("no bumps are made of it: {error}")),
+            }));
+            Ok(found.ok().filter(|_| normals))
+        }
     }
-    let (texture, has_alpha) = decode::texture(path, named_by, warnings)?;
-    if has_alpha && !all.iter().any(|other| other.holds == Holds::Opacities && other.path == *path) {
-        let message = "its alpha makes no holes: `map_d`, or `opacity` in a scene file, does".to_owned();
-        warnings.push(Warning { place: Place::file(path), message });
-    }
-    Ok(texture)
 }
 
 /// A texture needs coordinates to be looked up at.
@@ -299,7 +320,7 @@ const MATERIAL_TYPES: &str =
 /// Changes the materials of a name as a table of the scene file says.
 fn override_material(name: &str, value: &Value, file: &Path, library: &mut Library) -> Result<(), Error> {
     let table = value.table()?;
-    if let Some(map) = MAPS.iter().find_map(|key| table.get(key)) {
+    if let Some(map) = [MAPS[0], MAPS[2]].iter().find_map(|key| table.get(key)) {
         return Err(map.error(MAPS_ARE_LEARNED));
     }
     let indices: Vec<usize> =
@@ -320,6 +341,10 @@ fn override_material(name: &str, value: &Value, file: &Path, library: &mut Libra
                 .get("emits_both_sides")
                 .map_or(Ok(before.emits_both_sides), |value| value.boolean())?,
             opacity: table.get("opacity").map_or(Ok(before.opacity), |value| opacity(&value, file, library))?,
+            normal_map: match table.get(MAPS[1]) {
+                Some(value) => Some(library.texture(beside(file, value.string()?), Holds::Normals, &value.place())),
+                None => before.normal_map,
+            },
             name: before.name,
         };
         let material = &library.materials[index];
@@ -334,7 +359,7 @@ fn override_material(name: &str, value: &Value, file: &Path, library: &mut Libra
 
 /// Keys of all surfaces that stand in a scene.
 pub(super) const OF_A_SCENE: [&str; 3] = ["emission", "emits_both_sides", "opacity"];
-/// Keys of maps that `neubrdf train` reads and nothing else: [`super::SurfaceMaps`].
+/// Keys of maps: [`super::SurfaceMaps`]. `neubrdf train` reads them all, a scene the second alone.
 pub(super) const MAPS: [&str; 3] = ["roughness_map", "normal_map", "anisotropy_direction_map"];
 /// What is expected where such a key stands elsewhere.
 pub(super) const MAPS_ARE_LEARNED: &str =

@@ -17,6 +17,9 @@ pub struct Material {
     pub emits_both_sides: bool,
     /// How much of it is there. What emits is whole.
     pub opacity: Opacity,
+    /// Index into [`super::Scene::textures`] of shading normals: x along u, y along v, z along the triangle's own, each from −1 (0 in the texture)
+    /// to 1.
+    pub normal_map: Option<u32>,
 }
 
 /// The probability with which a ray meets a surface; otherwise it goes on as if there were nothing. Leaves are cut out of their triangles by it.
@@ -143,7 +146,7 @@ impl Material {
     /// A material without holes that does not emit.
     pub fn new(name: impl Into<String>, surface: Surface) -> Material {
         let (emission, emits_both_sides, opacity) = (Vec3::ZERO, false, Opacity::WHOLE);
-        Material { name: name.into(), surface, emission, emits_both_sides, opacity }
+        Material { name: name.into(), surface, emission, emits_both_sides, opacity, normal_map: None }
     }
 
     /// Whether its triangles are lights.
@@ -153,6 +156,6 @@ impl Material {
 
     /// The textures that it looks up: indices into [`super::Scene::textures`].
     pub fn textures(&self) -> impl Iterator<Item = u32> {
-        [self.surface.texture(), self.opacity.texture].into_iter().flatten()
+        [self.surface.texture(), self.opacity.texture, self.normal_map].into_iter().flatten()
     }
 }

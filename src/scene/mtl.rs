@@ -43,6 +43,9 @@ pub(super) struct TextureFile {
 pub(super) enum Holds {
     Colors,
     Opacities,
+    Normals,
+    /// Normals, as most that is called a bump map, or heights.
+    Bumps,
 }
 
 /// A material of an MTL file.
@@ -213,7 +216,10 @@ impl Library {
             self.warn(place.clone(), "`d` and `map_d` are ignored, as it emits");
         }
         let opacity = if is_whole { opacity } else { Opacity::WHOLE };
-        Material { name: material.name.clone(), surface, emission, emits_both_sides: false, opacity }
+        let normals = material.unknown_param.get("norm").map(|text| (split_options(text).1, Holds::Normals));
+        let bumps = material.normal_texture.as_ref().map(|name| (name.as_str(), Holds::Bumps));
+        let normal_map = normals.or(bumps).map(|(name, holds)| self.texture(beside(&place.file, name), holds, place));
+        Material { name: material.name.clone(), surface, emission, emits_both_sides: false, opacity, normal_map }
     }
 
     /// What `d` and `map_d` say. Of glass `d` says that one sees through, not that it is not there.
@@ -251,10 +257,11 @@ impl Library {
 
 /// Statements of a material that have no effect here, though they might be missed.
 fn unused_statements(material: &tobj::Material) -> Vec<&str> {
-    let tobj::Material { specular_texture, normal_texture, shininess_texture, .. } = material;
-    let maps = [(specular_texture, "map_Ks"), (normal_texture, "map_Bump"), (shininess_texture, "map_Ns")];
+    let tobj::Material { specular_texture, shininess_texture, .. } = material;
+    let maps = [(specular_texture, "map_Ks"), (shininess_texture, "map_Ns")];
     let maps = maps.into_iter().filter(|(texture, _)| texture.is_some()).map(|(_, statement)| statement);
-    let others = material.unknown_param.keys().map(String::as_str).filter(|name| !["Pr", "Pm", "aniso"].contains(name));
+    let others =
+        material.unknown_param.keys().map(String::as_str).filter(|name| !["Pr", "Pm", "aniso", "norm"].contains(name));
     maps.chain(others).collect()
 }
 

@@ -17,6 +17,16 @@ pub struct Texture {
 }
 
 impl Texture {
+    /// Whether nearly all texels are unit vectors that point outwards, each component from −1 (0 in the texture) to 1.
+    pub fn holds_normals(&self) -> bool {
+        let is_normal = |[x, y, z, _]: &[f16; 4]| {
+            let normal = 2.0 * Vec3::new(x.to_f32(), y.to_f32(), z.to_f32()) - 1.0;
+            normal.z > 0.0 && (normal.length() - 1.0).abs() < 0.1
+        };
+        let count = self.texels.iter().filter(|texel| is_normal(texel)).count();
+        10 * count >= 9 * self.texels.len()
+    }
+
     /// The bilinearly interpolated colour at a texture coordinate (texel centres at half-integers).
     pub fn sample(&self, uv: Vec2) -> Vec3 {
         let size = Vec2::new(self.width as f32, self.height as f32);
