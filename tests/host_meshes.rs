@@ -12,10 +12,11 @@ use std::sync::Arc;
 
 use frames::{Bits, expected, frame, options_of, renderer, scene, submit, submit_after, wait};
 use glam::{Affine3A, Quat, Vec3};
+use half::f16;
 use host::{Host, HostMemory, in_lavapipe_hosts};
 use neubrdf::gpu::Device;
 use neubrdf::plugin::{Change, Error, HostArray, HostIndices, HostMesh, HostVertices, IndexFormat, Renderer, Update};
-use neubrdf::scene::{Mesh, Scene};
+use neubrdf::scene::{Color, Mesh, Scene, Surface, Texture};
 
 /// The sphere of [`scene`], with normals and texture coordinates.
 const SPHERE: usize = 1;
@@ -168,6 +169,36 @@ fn triangles_of_a_host_s_mesh_have_the_scene_s_materials() {
         let mut renderer = with_host_sphere(host, &device, outline, &buffers.mesh).unwrap();
         assert_same(&frame(host, &device, &mut renderer, 2).0, &expected(host, &striped, 2), "striped");
         buffers.free(host);
+    });
+}
+
+/// Texture coordinates of the host's are not trusted: those that are no numbers read nothing but the texture.
+#[test]
+fn a_texture_coordinate_that_is_no_number_reads_nothing_else() {
+    in_lavapipe_hosts(|host| {
+        let device = host.lend();
+        let texture = Texture { name: "grey".into(), width: 4, height: 5, texels: vec![[f16::from_f32(0.5); 4]; 20] };
+        let albedo = Color { value: Vec3::ONE, texture: Some(0) };
+        let textured = |mut scene: Scene| {
+            scene.textures = vec![texture.clone()];
+            scene.materials[1].surface = Surface::Diffuse { albedo };
+            scene.materials[1].opacity.texture = Some(0);
+            scene
+        };
+        let mut wrong = scene().meshes[SPHERE].clone();
+        let numbers = [f32::NAN, f32::INFINITY, -1e30, 0.5, f32::NEG_INFINITY];
+        wrong.uvs.iter_mut().enumerate().for_each(|(index, uv)| uv[index % 2] = numbers[index % 5]);
+        let buffers = Buffers::separate(host, &wrong);
+        let outline = textured(if host.ray_query { without_sphere() } else { scene() });
+        let mut renderer = with_host_sphere(host, &device, outline, &buffers.mesh).unwrap();
+        let picture = frame(host, &device, &mut renderer, 2).0;
+        assert!(picture.iter().flatten().all(|number| f32::from_bits(*number).is_finite()));
+        buffers.free(host);
+
+        let mut here = textured(scene());
+        here.meshes[SPHERE].uvs = wrong.uvs;
+        let error = here.check().unwrap_err().to_string();
+        assert!(error.contains("a texture coordinate of mesh 1") && error.contains("finite"), "{error}");
     });
 }
 

@@ -11,6 +11,8 @@ vec3 texel(TextureRecord image, ivec2 place) {
     // At most one step outside.
     place += ivec2(lessThan(place, ivec2(0))) * size;
     place -= ivec2(greaterThanEqual(place, size)) * size;
+    // Coordinates that are no numbers end at some texel, too.
+    place = clamp(place, ivec2(0), size - 1);
     uvec2 packed = TexelArray(image.texels).at[uint(place.y) * image.width + uint(place.x)];
     return vec3(unpackHalf2x16(packed.x), unpackHalf2x16(packed.y).x);
 }

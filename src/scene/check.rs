@@ -229,6 +229,8 @@ impl Scene {
         for (what, length) in [("number of normals", mesh.normals.len()), ("number of uvs", mesh.uvs.len())] {
             ensure(length == 0 || length == count, || part(what), length, &format!("0, or {count} as the positions"))?;
         }
+        let fine = mesh.uvs.iter().all(|uv| uv.is_finite());
+        ensure(fine, || part("a texture coordinate"), "not finite", "finite")?;
         let vertex = mesh.triangles.iter().flatten().find(|vertex| **vertex as usize >= count);
         vertex.map_or(Ok(()), |vertex| ensure_index(|| part("a vertex index"), *vertex, count))?;
         let materials = mesh.materials.len();
