@@ -7,14 +7,7 @@ use glam::{Affine3A, Mat3, Vec2, Vec3};
 use half::f16;
 use neubrdf::image::plane;
 use neubrdf::render::{Options, Sampler, Settings, Traversal};
-use neubrdf::scene::{Color, Environment, Instance, Material, Mesh, Scene, Sun, Surface, Texture};
-
-/// A square that faces z, with texture coordinates from 0 to 1.
-fn sheet(half_side: f32, material: u32) -> Mesh {
-    let corner = |x: f32, y: f32| Vec3::new(x * half_side, y * half_side, 0.0);
-    let corners = [corner(-1.0, -1.0), corner(1.0, -1.0), corner(1.0, 1.0), corner(-1.0, 1.0)];
-    Mesh { uvs: vec![Vec2::ZERO, Vec2::X, Vec2::ONE, Vec2::Y], ..quad(corners, material) }
-}
+use neubrdf::scene::{Color, Environment, Instance, Material, Scene, Sun, Surface, Texture};
 
 /// The map of these vectors.
 fn map(width: u32, normals: &[Vec3]) -> Texture {
@@ -55,8 +48,13 @@ fn a_surface_is_lit_as_its_map_leans() {
             ("mirrored", mirrored, false, mirrored * lean),
             ("seen from behind", about, false, -(about * lean)),
         ] {
-            let mut scene =
-                scene(vec![sheet(1.0, 0)], vec![mapped(diffuse(0.5))], Vec3::new(0.0, 0.0, 4.0), Vec3::ZERO, [16, 16]);
+            let mut scene = scene(
+                vec![sheet(0.0, 1.0, 0)],
+                vec![mapped(diffuse(0.5))],
+                Vec3::new(0.0, 0.0, 4.0),
+                Vec3::ZERO,
+                [16, 16],
+            );
             scene.instances = vec![placed(matrix)];
             scene.textures = vec![map(1, &[lean])];
             scene.sun = Some(sun);
@@ -85,7 +83,7 @@ fn ripples_agree_with_embree() {
     let glass = Surface::Dielectric { ior: 1.5, alpha: 0.2 };
     let mut scene = scene(
         vec![
-            sheet(3.0, 0),
+            sheet(0.0, 3.0, 0),
             sphere(Vec3::new(-0.9, 0.0, 0.8), 0.7, 32, 1),
             sphere(Vec3::new(0.9, 0.5, 0.8), 0.5, 32, 2),
         ],

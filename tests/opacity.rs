@@ -3,18 +3,11 @@
 mod common;
 
 use common::*;
-use glam::{Affine3A, Quat, Vec2, Vec3};
+use glam::{Affine3A, Quat, Vec3};
 use half::f16;
 use neubrdf::image::{Picture, plane};
 use neubrdf::render::{Options, Sampler, Settings, Traversal};
 use neubrdf::scene::{Environment, Instance, Material, Mesh, Opacity, Scene, Sun, Texture};
-
-/// A square that faces the camera at this distance from it, with texture coordinates from 0 to 1.
-fn sheet(z: f32, half_side: f32, material: u32) -> Mesh {
-    let corner = |x: f32, y: f32| Vec3::new(x * half_side, y * half_side, z);
-    let corners = [corner(-1.0, -1.0), corner(1.0, -1.0), corner(1.0, 1.0), corner(-1.0, 1.0)];
-    Mesh { uvs: vec![Vec2::ZERO, Vec2::X, Vec2::ONE, Vec2::Y], ..quad(corners, material) }
-}
 
 /// A texture of one number a texel, from the upper left.
 fn texture(width: u32, numbers: &[f32]) -> Texture {

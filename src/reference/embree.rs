@@ -74,7 +74,7 @@ impl Accelerator {
         scene.instances.iter().for_each(|instance| uses[instance.mesh as usize] += 1);
 
         let mut flags = RTCSceneFlags::ROBUST;
-        if scene.materials.iter().any(|material| !material.opacity.is_whole()) {
+        if scene.has_holes() {
             flags |= RTCSceneFlags::CONTEXT_FILTER_FUNCTION;
         }
         let top = Tree::new(&device, flags)?;

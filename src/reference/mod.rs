@@ -123,7 +123,7 @@ impl<'a> Reference<'a> {
             lights: Lights::new(&scene, &placements),
             placements,
             surfaces: Prepared::all(&scene.materials, &scene.brdfs),
-            has_holes: scene.materials.iter().any(|material| !material.opacity.is_whole()),
+            has_holes: scene.has_holes(),
             scene,
             camera,
         })

@@ -2,7 +2,7 @@
 
 use glam::{Vec2, Vec3};
 
-use super::{Layered, Woven};
+use super::{Layered, Scene, Woven};
 
 /// A named material.
 #[derive(Clone, Debug, PartialEq)]
@@ -139,6 +139,13 @@ impl Opacity {
     /// Whether no ray goes through.
     pub fn is_whole(&self) -> bool {
         *self == Opacity::WHOLE
+    }
+}
+
+impl Scene {
+    /// Whether some material lets rays through.
+    pub fn has_holes(&self) -> bool {
+        self.materials.iter().any(|material| !material.opacity.is_whole())
     }
 }
 

@@ -189,6 +189,13 @@ pub fn floor(half_side: f32, material: u32) -> Mesh {
     quad([corner(-1.0, 1.0), corner(1.0, 1.0), corner(1.0, -1.0), corner(-1.0, -1.0)], material)
 }
 
+/// A square that faces z, there, with texture coordinates from 0 to 1.
+pub fn sheet(z: f32, half_side: f32, material: u32) -> Mesh {
+    let corner = |x: f32, y: f32| Vec3::new(x * half_side, y * half_side, z);
+    let corners = [corner(-1.0, -1.0), corner(1.0, -1.0), corner(1.0, 1.0), corner(-1.0, 1.0)];
+    Mesh { uvs: vec![Vec2::ZERO, Vec2::X, Vec2::ONE, Vec2::Y], ..quad(corners, material) }
+}
+
 /// A UV sphere with smooth normals.
 pub fn sphere(center: Vec3, radius: f32, segments: u32, material: u32) -> Mesh {
     let rows = segments / 2;
