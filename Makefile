@@ -4,7 +4,7 @@ CARGO := cargo
 FEATURES := --features embree --locked
 OUT := target/demo
 
-.PHONY: demo test test-device soak bench check study study-fit study-share study-sparse study-layered gallery install install-test install-demo
+.PHONY: demo test test-device soak bench check study study-fit study-share study-sparse study-layered study-mosaic gallery install install-test install-demo
 
 ## Renders the preview scene, in analytic and in neural materials, to target/demo/preview.png and neural.png (and .exr).
 demo: install-demo
@@ -90,6 +90,10 @@ gallery: install-demo
 ## Renders the preview scene in layers that light walks through at random and in the NeuBRDFs that learned them: time against error.
 study-layered: install-test
 	$(CARGO) run --release $(FEATURES) --bin neubrdf -- converge --study scenes/preview/layered_study.toml -o $(OUT)/study-layered --resume
+
+## Renders the mosaic in the maps that its NeuBRDF learned, and in the NeuBRDF: time against error, and how far the two are apart.
+study-mosaic: install-test
+	$(CARGO) run --release $(FEATURES) --bin neubrdf -- converge --study scenes/mosaic/study.toml -o $(OUT)/study-mosaic --resume
 
 install-demo:
 	@scripts/setup.sh demo

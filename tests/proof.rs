@@ -29,7 +29,9 @@ fn small(path: &Path) -> (String, Scene) {
 }
 
 fn all_shipped() -> Vec<(String, Scene)> {
-    shipped_scenes().iter().map(|path| small(path)).collect()
+    let truth = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/mosaic/truth.toml");
+    let of_maps = ("mosaic-of-maps".to_owned(), small(&truth).1);
+    shipped_scenes().iter().map(|path| small(path)).chain([of_maps]).collect()
 }
 
 /// Balls of networks from matte to mirror-like, a diffuse floor, a lamp and a sky.

@@ -555,20 +555,22 @@ fn only_scenes_with_materials_that_vary_keep_footprints() {
     assert!(constant.lacks_of(&varies).is_some() && varies.lacks_of(&constant).is_none());
 }
 
-/// A scene without holes and maps of normals is rendered by kernels that do not ask for them.
+/// A scene without holes and maps of normals and roughness is rendered by kernels that do not ask for them.
 #[test]
-fn only_scenes_with_holes_and_normal_maps_look_for_them() {
-    let features = |opacity: f32, normal_map: Option<u32>| {
+fn only_scenes_with_holes_and_maps_look_for_them() {
+    let features = |opacity: f32, normal_map: Option<u32>, roughness_map: Option<u32>| {
         let mut scene = still_life(diffuse(0.5));
         scene.materials[1].opacity.value = opacity;
         scene.materials[1].normal_map = normal_map;
+        scene.materials[1].roughness_map = roughness_map;
         Features::of(&scene, &LightTable::new(&scene))
     };
-    let plain = features(1.0, None);
+    let plain = features(1.0, None, None);
     for (features, constants) in [
-        (plain, [(15, 0), (16, 0)]),
-        (features(0.5, None), [(15, 1), (16, 0)]),
-        (features(1.0, Some(0)), [(15, 0), (16, 1)]),
+        (plain, [(15, 0), (16, 0), (17, 0)]),
+        (features(0.5, None, None), [(15, 1), (16, 0), (17, 0)]),
+        (features(1.0, Some(0), None), [(15, 0), (16, 1), (17, 0)]),
+        (features(1.0, None, Some(0)), [(15, 0), (16, 0), (17, 1)]),
     ] {
         let plans = features.kernels(Traversal::RayQuery, &settings(), 64);
         let has = |constant: &(u32, u32)| plans.iter().all(|plan| plan.specialization.contains(constant));

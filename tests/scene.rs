@@ -553,6 +553,49 @@ fn bump_maps_may_hold_normals() {
     assert_ne!(now.hash(), scene.hash());
 }
 
+/// A map of roughness stands instead of a number, in MTL and in scene files, wherever there is roughness.
+#[test]
+fn maps_of_roughness_load() {
+    let obj = "mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nusemtl metal\nf 1/1 2/1 3/1\nusemtl paint\nf 1/1 2/1 3/1\nusemtl chalk\nf 1/1 2/1 3/1\n";
+    let mtl = "newmtl metal\nPm 1\nPr 0.3\nmap_Pr -s 2 2 2 rough.png\nnewmtl paint\nKs 1 1 1\nmap_Pr rough.png\nnewmtl chalk\nmap_Pr rough.png\n";
+    let folder = Folder::new(&[("a.obj", obj), ("a.mtl", mtl)]);
+    image::GrayImage::from_fn(2, 1, |x, _| image::Luma([90 * x as u8])).save(folder.path("rough.png")).unwrap();
+    let load = |of_scene: &str| {
+        fs::write(folder.path("s.toml"), format!("[[mesh]]\nfile = 'a.obj'\n{of_scene}\n{SKY}")).unwrap();
+        folder.load("s.toml")
+    };
+    let maps = |of_scene: &str| load(of_scene).unwrap().0.materials.iter().map(|m| m.roughness_map).collect::<Vec<_>>();
+
+    let (scene, warnings) = load("").unwrap();
+    assert_eq!(maps(""), [Some(0), Some(0), None], "chalk is diffuse");
+    assert_eq!(scene.textures[0].texels[1][0], f16::from_f32(90.0 / 255.0), "as it is written");
+    assert!(warnings.len() == 1 && warnings[0].to_string().contains("map_Pr-s"), "{warnings:?}");
+    assert_ne!(load("[material.metal]\nalpha = 0.3").unwrap().0.hash(), scene.hash());
+
+    assert_eq!(maps("[material.metal]\nemission = 1"), [Some(0), Some(0), None]);
+    assert_eq!(
+        maps("[material.metal]\nroughness = 0.2"),
+        [None, Some(0), None],
+        "a number of the scene's counts for more"
+    );
+    assert_eq!(maps("[material.metal]\ntype = 'mirror'"), [None, Some(0), None]);
+    assert_eq!(maps("[material.metal]\ntype = 'conductor'\nmetal = 'gold'"), [Some(0), Some(0), None]);
+    assert_eq!(maps("[material.paint]\ntype = 'diffuse'"), [Some(0), None, None]);
+    assert_eq!(maps("[material.chalk]\ntype = 'dielectric'\nroughness_map = 'rough.png'"), [Some(0); 3]);
+    for (of_scene, part) in [
+        ("[material.chalk]\nroughness_map = 'rough.png'", "conductor, dielectric or coated"),
+        ("[material.metal]\ntype = 'mirror'\nroughness_map = 'rough.png'", "conductor, dielectric or coated"),
+        ("[material.metal]\nalpha = 0.1\nroughness_map = 'rough.png'", "either a roughness, or a map"),
+        ("[material.metal]\nroughness_map = 'none.png'", "none.png"),
+    ] {
+        let error = load(of_scene).map(|_| ()).unwrap_err().to_string();
+        assert!(error.contains(part), "{part}: {error}");
+    }
+    let mut diffuse = scene.clone();
+    diffuse.materials[2].roughness_map = Some(0);
+    assert!(diffuse.check().is_err());
+}
+
 #[test]
 fn environments_load_row_by_row_from_the_zenith() {
     let file = "[[mesh]]\nfile = 'a.obj'\n[environment]\nfile = 'sky.exr'\nscale = [1, 2, 4]\nrotate = 45\n";

@@ -586,8 +586,16 @@ fn mosaic(folder: &Path) -> Outcome {
     obj.object("fill light", "fill");
     obj.quad(light(vec3(4.0, 3.0, 2.5), 1.2));
     let mtl = "newmtl floor\nKd 0.4 0.39 0.37\nnewmtl glaze\nKd 0.1 0.2 0.3\nnewmtl key\nKe 24 22 20\nnewmtl fill\nKe 5 6 8\n";
-    let toml = "\
-# Glazed tiles in one neural material that varies. Made by examples/make_scenes.
+    let tiles = "type = \"coated\"
+ior = 1.5
+texture = \"color.png\"
+roughness_map = \"roughness.png\"
+normal_map = \"normal.png\"
+";
+    let scene = |title: &str, glaze: &str| {
+        format!(
+            "\
+# {title} Made by examples/make_scenes.
 [camera]
 eye = [0.3, 2.1, 5.4]
 target = [0.1, 0.66, 0]
@@ -601,21 +609,47 @@ height = 180
 file = \"mosaic.obj\"
 
 [material.glaze]
-type = \"measured\"
-file = \"glaze.neubrdf\"
-
+{glaze}
 [environment]
 radiance = [0.3, 0.32, 0.36]
-";
-    let glaze = "\
+"
+        )
+    };
+    let neural = "type = \"measured\"\nfile = \"glaze.neubrdf\"\n";
+    let neural = scene("Glazed tiles in one neural material that varies.", neural);
+    let truth = scene("The glazed tiles as they are: the maps that glaze.neubrdf has learned.", tiles);
+    let glaze = format!(
+        "\
 # Tiles under a glaze that bulges, with rough grout between them: what glaze.neubrdf has learned. Made by examples/make_scenes.
-type = \"coated\"
-ior = 1.5
-texture = \"color.png\"
-roughness_map = \"roughness.png\"
-normal_map = \"normal.png\"
+{tiles}"
+    );
+    let study = "\
+# How far the neural tiles are from the maps that they learned: `make study-mosaic`.
+depth = 6
+size = [120, 90]
+spp = [16, 64, 256]
+repetitions = 3
+reference_spp = 1024
+targets = [3e-2, 1e-2, 3e-3]
+clock = \"cpu\"
+
+[[scene]]
+file = \"truth.toml\"
+[scene.models]
+neural = \"scene.toml\"
+
+[[methods]]
+traversal = [\"bvh\"]
+model = [\"truth\", \"neural\"]
 ";
-    let files = [("scene.toml", toml), ("mosaic.mtl", mtl), ("mosaic.obj", &obj.text), ("glaze.toml", glaze)];
+    let files = [
+        ("scene.toml", neural.as_str()),
+        ("truth.toml", &truth),
+        ("study.toml", study),
+        ("mosaic.mtl", mtl),
+        ("mosaic.obj", &obj.text),
+        ("glaze.toml", &glaze),
+    ];
     save(folder, &files)?;
     let map = |name: &str, texel: &dyn Fn(Tile) -> [f32; 3]| {
         let pixel = |x, y| image::Rgb(texel(Tile::at(x, y)).map(|value| (255.0 * value).round() as u8));

@@ -30,10 +30,18 @@ const uint MATERIAL_COMPLEX_FRESNEL = 64u;  // a conductor by `eta` and `kappa`,
 // From this bit on: which of the queues of its family takes a NeuBRDF.
 const uint MATERIAL_PART_SHIFT = 8u;
 
+// Some material has a map of its roughness.
+layout(constant_id = 17) const bool HAS_ROUGHNESS_MAPS = false;
+
+// Rough surfaces have at least this α.
+const float SMOOTH_ALPHA = 1e-4;
+
 // How many entries a coat's table has.
 const uint COAT_TABLE_LENGTH = 256u;
+// For how many α, even in ⁴√α from 0 to 1, it has them where a map says how rough the coat is.
+const uint COAT_TABLE_ROUGHNESSES = 65u;
 
-// The albedo of a rough coat at cos θ = (i / (COAT_TABLE_LENGTH - 1))^4.
+// The albedo of a rough coat at cos θ = (i / (COAT_TABLE_LENGTH - 1))^4. Of all roughnesses: one after another, and then their averages.
 layout(buffer_reference, scalar, buffer_reference_align = 4) readonly buffer CoatTable {
     float albedo[];
 };
@@ -47,16 +55,20 @@ struct MaterialRecord {
     float ior;           // dielectric: inside over outside; coat: its index; exactly 1 where there is no boundary
     vec3 emission;       // radiance
     float base_scale;    // coated: 1 / (1 - average albedo of the coat)
-    vec2 alpha;          // GGX roughness along tangent and bitangent, 0 or >= 1e-4; (0, 0) is perfectly smooth.
-    uvec2 table;         // address of a CoatTable: coated with alpha > 0; of a LobeTable: sampled by lib/lobe.glsl; else null
+    vec2 alpha;          // GGX roughness along tangent and bitangent, 0 or >= SMOOTH_ALPHA; (0, 0) is perfectly smooth.
+    uvec2 table;         // address of a CoatTable: coated with alpha > 0 or a roughness map; of a LobeTable: sampled by lib/lobe.glsl; else null
     float opacity;         // the probability with which a ray meets the surface,
     uint opacity_texture;  // times the red of that texture, or NO_TEXTURE
     uint normal_map;       // index of a texture of shading normals, or NO_TEXTURE
-    uint padding;
+    uint roughness_map;    // index of a texture of the roughness that alpha is the square of, along tangent and bitangent, or NO_TEXTURE
 };
 
 uint material_family(uint flags) {
     return flags & MATERIAL_FAMILY_MASK;
+}
+
+bool has_roughness_map(MaterialRecord material) {
+    return HAS_ROUGHNESS_MAPS && material.roughness_map != NO_TEXTURE;
 }
 
 #endif

@@ -12,24 +12,50 @@ struct Bsdf {
     float excess;      // η² - 1 of the coat
     float alpha;       // of the coat; 0: smooth
     uvec2 coat;        // address of its CoatTable: SwiftShader crashes on a reference inside a struct that is constructed
+    float row;         // which of its roughnesses, and how far to the next; negative: it has but one
 };
+
+uint coat_row(float row) {
+    return min(uint(row), COAT_TABLE_ROUGHNESSES - 2u);
+}
+
+float coat_average(uvec2 table, uint row) {
+    return CoatTable(table).albedo[COAT_TABLE_ROUGHNESSES * COAT_TABLE_LENGTH + row];
+}
 
 Bsdf bsdf_make(MaterialRecord material, vec3 color) {
     float excess = (material.ior - 1.0) * (material.ior + 1.0);
-    return Bsdf(color, material.base_scale, excess, material.alpha.x, material.table);
+    Bsdf b = Bsdf(color, material.base_scale, excess, material.alpha.x, material.table, -1.0);
+    if (has_roughness_map(material) && b.alpha > 0.0) {
+        b.row = sqrt(sqrt(b.alpha)) * float(COAT_TABLE_ROUGHNESSES - 1u);
+        uint row = coat_row(b.row);
+        float average = mix(coat_average(b.coat, row), coat_average(b.coat, row + 1u), b.row - float(row));
+        b.base_scale = 1.0 / (1.0 - average);
+    }
+    return b;
 }
 
 bool bsdf_is_delta(Bsdf b) {
     return false;
 }
 
+// What a row of the table says between two of its cosines.
+float coat_albedo(uvec2 table, uint row, float position) {
+    uint cell = min(uint(position), COAT_TABLE_LENGTH - 2u);
+    uint at = row * COAT_TABLE_LENGTH + cell;
+    return mix(CoatTable(table).albedo[at], CoatTable(table).albedo[at + 1u], position - float(cell));
+}
+
 // The share of light from this angle that the coat reflects (x), and that it lets through (y).
 vec2 coat_split(Bsdf b, float cosine) {
     if (b.alpha == 0.0) return fresnel_dielectric(min(cosine, 1.0), b.excess);
+    bool is_mapped = HAS_ROUGHNESS_MAPS && b.row >= 0.0;
     float position = sqrt(sqrt(clamp(cosine, 0.0, 1.0))) * float(COAT_TABLE_LENGTH - 1u);
-    uint cell = min(uint(position), COAT_TABLE_LENGTH - 2u);
-    CoatTable table = CoatTable(b.coat);
-    float reflected = mix(table.albedo[cell], table.albedo[cell + 1u], position - float(cell));
+    uint row = is_mapped ? coat_row(b.row) : 0u;
+    float reflected = coat_albedo(b.coat, row, position);
+    if (is_mapped) {
+        reflected = mix(reflected, coat_albedo(b.coat, row + 1u, position), b.row - float(row));
+    }
     return vec2(reflected, 1.0 - reflected);
 }
 

@@ -104,6 +104,7 @@ void pass_shade() {
     SampleKey key = SampleKey(hit_key.z, hit_key.w);
     uint dimension = bounce * DIMENSIONS_PER_BOUNCE;
     vec3 wo = frame_to_local(surface.frame, -direction);
+    material.alpha = material_alpha(scene, material, surface.uv);
     Bsdf bsdf = bsdf_make(material, material_color(scene, material, surface.uv));
     Cone cone = Cone(0.0, 0.0);
     if (HAS_FOOTPRINTS) {

@@ -36,4 +36,17 @@ vec3 material_color(SceneTable scene, MaterialRecord material, vec2 uv) {
     return material.color * texture_color(scene.textures.at[material.texture_index], uv);
 }
 
+// Its roughness where a map gives it: `Bsdf::of_roughness` of src/material/mod.rs.
+vec2 material_alpha(SceneTable scene, MaterialRecord material, vec2 uv) {
+    if (!has_roughness_map(material)) {
+        return material.alpha;
+    }
+    vec2 roughness = clamp(texture_color(scene.textures.at[material.roughness_map], uv).xy, 0.0, 1.0);
+    vec2 alpha = roughness * roughness;
+    if (material_family(material.flags) != FAMILY_CONDUCTOR) {
+        alpha = vec2(0.5 * (alpha.x + alpha.y));
+    }
+    return max(alpha.x, alpha.y) < SMOOTH_ALPHA ? vec2(0.0) : max(alpha, SMOOTH_ALPHA);
+}
+
 #endif

@@ -198,6 +198,10 @@ typedef enum NeubrdfReserve {
    * Maps of normals.
    */
   NEUBRDF_RESERVE_NORMAL_MAPS = 524288,
+  /**
+   * Materials with a map of their roughness.
+   */
+  NEUBRDF_RESERVE_ROUGHNESS_MAPS = 1048576,
 } NeubrdfReserve;
 
 /**
@@ -507,6 +511,11 @@ typedef struct NeubrdfMaterial {
    * 0 for none.
    */
   uint32_t normal_map;
+  /**
+   * 1 + the index of a texture of roughness, along u by its red and along v by its green, of which α is the square instead of `alpha`; where
+   * there is but one α it is the mean of both; 0 for none. Not of the diffuse.
+   */
+  uint32_t roughness_map;
 } NeubrdfMaterial;
 
 /**

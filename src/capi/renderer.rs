@@ -83,6 +83,8 @@ pub enum NeubrdfReserve {
     Sparse = 262144,
     /// Maps of normals.
     NormalMaps = 524288,
+    /// Materials with a map of their roughness.
+    RoughnessMaps = 1048576,
 }
 
 /// What a host may choose; all of it may be 0.
@@ -253,7 +255,7 @@ impl NeubrdfOptions {
             (NeubrdfReserve::Sparse, Family::Sparse),
         ];
         let has = |bit: NeubrdfReserve| self.reserve & bit as u32 != 0;
-        if self.reserve & !0xf_ffff != 0 {
+        if self.reserve & !0x1f_ffff != 0 {
             return Err(Failure::argument(format!(
                 "NeubrdfOptions.reserve is {:#x}: bits of NeubrdfReserve",
                 self.reserve
@@ -271,6 +273,7 @@ impl NeubrdfOptions {
             footprints: has(NeubrdfReserve::Footprints),
             holes: has(NeubrdfReserve::Holes),
             normal_maps: has(NeubrdfReserve::NormalMaps),
+            roughness_maps: has(NeubrdfReserve::RoughnessMaps),
             neubrdf_queues: self.neubrdf_count.clamp(1, Features::MOST_NEUBRDF_QUEUES),
         })
     }

@@ -109,6 +109,9 @@ pub struct NeubrdfMaterial {
     /// 1 + the index of a texture of shading normals: x along u, y along v, z along the triangle's own, each from -1 (0 in the texture) to 1;
     /// 0 for none.
     pub normal_map: u32,
+    /// 1 + the index of a texture of roughness, along u by its red and along v by its green, of which α is the square instead of `alpha`; where
+    /// there is but one α it is the mean of both; 0 for none. Not of the diffuse.
+    pub roughness_map: u32,
 }
 
 sized_structs! { NeubrdfCamera: 52, NeubrdfMesh: 56, NeubrdfMaterial: 76 }
@@ -198,8 +201,9 @@ impl NeubrdfMaterial {
         };
         let opacity = Opacity { value: 1.0 - self.transparency, texture: self.opacity_texture.checked_sub(1) };
         let emits_both_sides = self.emits_both_sides != 0;
-        let (emission, normal_map) = (self.emission.into(), self.normal_map.checked_sub(1));
-        Ok(Material { name, surface, emission, emits_both_sides, opacity, normal_map })
+        let (normal_map, roughness_map) = (self.normal_map.checked_sub(1), self.roughness_map.checked_sub(1));
+        let emission = self.emission.into();
+        Ok(Material { name, surface, emission, emits_both_sides, opacity, normal_map, roughness_map })
     }
 }
 

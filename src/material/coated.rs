@@ -12,7 +12,7 @@ use glam::DVec3;
 
 use super::conductor::reflection_pdf;
 use super::diffuse::sample_cosine_hemisphere;
-use super::{BsdfSample, CoatAlbedo, Ggx, MIN_COSINE, both_above, fresnel_dielectric, reflect};
+use super::{BsdfSample, Coat, Ggx, MIN_COSINE, both_above, fresnel_dielectric, reflect};
 
 /// A diffuse base under a dielectric coat, seen from the upper side.
 #[derive(Clone, Copy, Debug)]
@@ -24,7 +24,7 @@ pub struct Coated<'a> {
     /// Of the coat; `None`: a mirror.
     pub roughness: Option<Ggx>,
     /// How much the coat reflects.
-    pub coat: &'a CoatAlbedo,
+    pub coat: Coat<'a>,
 }
 
 impl Coated<'_> {
@@ -82,6 +82,6 @@ impl Coated<'_> {
 
     /// The roughness of a coat that is neither smooth nor index-matched.
     fn visible_coat(&self) -> Option<Ggx> {
-        self.roughness.filter(|_| *self.coat != CoatAlbedo::None)
+        self.roughness.filter(|_| !self.coat.is_none())
     }
 }

@@ -31,12 +31,12 @@ mod surface_frame;
 mod surface_maps;
 mod woven;
 
-use glam::DVec3;
+use glam::{DVec3, Vec2};
 
 use crate::scene::brdf::{Footprint, NeuBrdf};
 use crate::scene::{Color, Fresnel, Surface};
 
-pub use coat_albedo::CoatAlbedo;
+pub use coat_albedo::{Coat, CoatAlbedo};
 pub use coated::Coated;
 pub use conductor::{Conductor, Reflectance};
 pub use dielectric::Dielectric;
@@ -111,11 +111,33 @@ impl<'a> Bsdf<'a> {
                 roughness,
             }),
             Prepared::Dielectric(dielectric) => Bsdf::Dielectric(dielectric),
-            Prepared::Coated { ior, roughness, ref coat } => Bsdf::Coated(Coated { base: color, ior, roughness, coat }),
+            Prepared::Coated { ior, roughness, ref coats } => {
+                Bsdf::Coated(Coated { base: color, ior, roughness, coat: Coat::new(&coats[0]) })
+            }
             Prepared::LobeSampled { ref brdf, ref lobe } => {
                 Bsdf::LobeSampled(LobeSampled { brdf: brdf.as_ref(), lobe, footprint })
             }
         }
+    }
+
+    /// The scattering of a surface where a map says how rough it is, along u and v. Prepared by [`Prepared::of`].
+    pub fn of_roughness(surface: &'a Prepared, color: DVec3, roughness: Vec2) -> Bsdf<'a> {
+        let roughness = roughness.clamp(Vec2::ZERO, Vec2::ONE);
+        let alpha = roughness * roughness;
+        let mean = alpha.element_sum() / 2.0;
+        let mut bsdf = Bsdf::new(surface, color);
+        match &mut bsdf {
+            Bsdf::Conductor(conductor) => conductor.roughness = Ggx::new(alpha),
+            Bsdf::Dielectric(dielectric) if dielectric.ior != 1.0 => dielectric.roughness = Ggx::new(Vec2::splat(mean)),
+            Bsdf::Coated(coated) => {
+                coated.roughness = Ggx::new(Vec2::splat(mean));
+                if let (Some(ggx), Prepared::Coated { coats, .. }) = (coated.roughness, surface) {
+                    coated.coat = Coat::of_alpha(&coats[1..], ggx.alpha.x);
+                }
+            }
+            Bsdf::Diffuse(_) | Bsdf::Dielectric(_) | Bsdf::LobeSampled(_) => {}
+        }
+        bsdf
     }
 
     /// f(wo, wi) in sr⁻¹, without the cosine; radiance is what is transported, so that refraction into a denser

@@ -31,8 +31,9 @@ pub enum Prepared {
         ior: f64,
         /// Of the coat; `None`: a mirror.
         roughness: Option<Ggx>,
-        /// How much the coat reflects.
-        coat: CoatAlbedo,
+        /// How much the coat reflects; where a map says how rough it is, how much a smooth one does, and behind it
+        /// [`CoatAlbedo::of_all_roughnesses`].
+        coats: Vec<CoatAlbedo>,
     },
     /// A BRDF without a sampler of its own, and the lobe that samples it.
     LobeSampled {
@@ -53,7 +54,7 @@ impl Prepared {
             Surface::Coated { ior, alpha, .. } => Prepared::Coated {
                 ior: ior.into(),
                 roughness: Ggx::new(Vec2::splat(alpha)),
-                coat: CoatAlbedo::new(surface),
+                coats: vec![CoatAlbedo::new(ior, alpha)],
             },
             Surface::Measured { brdf } => {
                 let brdf = brdfs[brdf as usize].clone();
@@ -71,29 +72,45 @@ impl Prepared {
         }
     }
 
-    /// Prepares all materials of a scene with these BRDFs, in their order; surfaces that differ by no more than their colour
+    /// Prepares a material of such a scene, of which a map may say how rough it is.
+    pub fn of(material: &Material, brdfs: &[Arc<Brdf>]) -> Prepared {
+        match material.surface {
+            Surface::Coated { ior, .. } if material.roughness_map.is_some() => {
+                let mut coats = vec![CoatAlbedo::new(ior, 0.0)];
+                coats.extend(CoatAlbedo::of_all_roughnesses(ior));
+                Prepared::Coated { ior: ior.into(), roughness: None, coats }
+            }
+            ref surface => Prepared::new(surface, brdfs),
+        }
+    }
+
+    /// Prepares all materials of a scene with these BRDFs, in their order; those that differ by no more than their colour
     /// share what was prepared.
     pub fn all(materials: &[Material], brdfs: &[Arc<Brdf>]) -> Vec<Arc<Prepared>> {
         let mut prepared: Vec<Arc<Prepared>> = Vec::new();
-        for (index, Material { surface, .. }) in materials.iter().enumerate() {
-            let known = materials[..index].iter().position(|known| is_alike(&known.surface, surface));
+        for (index, material) in materials.iter().enumerate() {
+            let known = materials[..index].iter().position(|known| is_alike(known, material));
             prepared.push(match known {
                 Some(known) => prepared[known].clone(),
-                None => Arc::new(Prepared::new(surface, brdfs)),
+                None => Arc::new(Prepared::of(material, brdfs)),
             });
         }
         prepared
     }
 }
 
-/// Whether two surfaces are equal but for their colour, so that what was prepared for one serves the other.
-pub fn is_alike(a: &Surface, b: &Surface) -> bool {
-    match (a, b) {
+/// Whether two materials scatter alike but for their colour and what maps say, so that what was prepared for one serves the other.
+pub fn is_alike(a: &Material, b: &Material) -> bool {
+    let is_mapped = a.roughness_map.is_some();
+    if is_mapped != b.roughness_map.is_some() {
+        return false;
+    }
+    match (&a.surface, &b.surface) {
         (Surface::Diffuse { .. }, Surface::Diffuse { .. }) => true,
         (Surface::Coated { ior, alpha, .. }, Surface::Coated { ior: other_ior, alpha: other_alpha, .. }) => {
-            (ior, alpha) == (other_ior, other_alpha)
+            ior == other_ior && (is_mapped || alpha == other_alpha)
         }
-        _ => a == b,
+        (a, b) => a == b,
     }
 }
 

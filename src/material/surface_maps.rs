@@ -6,17 +6,14 @@
 
 use glam::{DVec2, DVec3, Vec2};
 use half::f16;
-use rayon::prelude::*;
 
 use super::frame::map_vector;
-use super::{Bsdf, CoatAlbedo, Coated, Evaluate, Ggx, Prepared, color};
+use super::{Bsdf, Evaluate, Prepared, color};
 use crate::scene::brdf::{Footprint, SurfaceFrame};
-use crate::scene::{Surface, SurfaceMaps, Texture};
+use crate::scene::{Material, Surface, SurfaceMaps, Texture};
 
 /// Smoother surfaces are taken to have this α: nothing could be learned of a mirror.
 const LEAST_ALPHA: f32 = 0.02;
-/// Coats whose albedo is known, even in their roughness; a place takes the nearest.
-const COATS: usize = 33;
 /// Points that the average over a footprint is taken over.
 const AVERAGED: u32 = 64;
 
@@ -24,7 +21,7 @@ const AVERAGED: u32 = 64;
 #[derive(Debug)]
 pub struct VaryingSurface {
     maps: SurfaceMaps,
-    coats: Vec<CoatAlbedo>,
+    prepared: Prepared,
     /// Of the directions of anisotropy ψ, cos 2ψ and sin 2ψ: these can be interpolated.
     doubled: Option<Texture>,
 }
@@ -32,23 +29,19 @@ pub struct VaryingSurface {
 impl VaryingSurface {
     /// Prepares it, which may take seconds where a coat's roughness varies.
     pub fn new(maps: SurfaceMaps) -> VaryingSurface {
-        let coat = |alpha: f32| match maps.surface {
-            Surface::Coated { albedo, ior, .. } => CoatAlbedo::new(&Surface::Coated { albedo, ior, alpha }),
-            _ => CoatAlbedo::None,
-        };
-        let coats = match (&maps.surface, &maps.roughness) {
-            (Surface::Coated { .. }, Some(_)) => {
-                let alpha = |i: usize| (i as f32 / (COATS - 1) as f32).powi(2).max(LEAST_ALPHA);
-                (0..COATS).into_par_iter().map(|i| coat(alpha(i))).collect()
-            }
-            (Surface::Coated { alpha, .. }, None) => vec![coat(alpha.max(LEAST_ALPHA))],
-            _ => Vec::new(),
-        };
+        let mut surface = maps.surface.clone();
+        match &mut surface {
+            Surface::Conductor { alpha, .. } => *alpha = alpha.max(Vec2::splat(LEAST_ALPHA)),
+            Surface::Coated { alpha, .. } => *alpha = alpha.max(LEAST_ALPHA),
+            _ => {}
+        }
+        let roughness_map = maps.roughness.as_ref().map(|_| 0);
+        let prepared = Prepared::of(&Material { roughness_map, ..Material::new("", surface) }, &[]);
         let doubled = maps
             .direction
             .as_ref()
             .map(|map| Texture { texels: map.texels.iter().map(doubled).collect(), ..map.clone() });
-        VaryingSurface { maps, coats, doubled }
+        VaryingSurface { maps, prepared, doubled }
     }
 
     /// Texels across and down of its largest map.
@@ -64,22 +57,14 @@ impl VaryingSurface {
         let sample = |map: &Texture| map.sample(uv.as_vec2());
         let tint = self.maps.color.as_ref().map_or(DVec3::ONE, |map| sample(map).as_dvec3());
         let color = color(&self.maps.surface).value.as_dvec3() * tint;
-        let mapped = self.maps.roughness.as_ref().map(|map| sample(map).truncate());
-        let alpha = |own: Vec2| mapped.map_or(own, |roughness| roughness * roughness).max(Vec2::splat(LEAST_ALPHA));
-        let value = match self.maps.surface {
-            Surface::Conductor { fresnel, alpha: own } => {
-                let metal = Prepared::Conductor { fresnel, roughness: Ggx::new(alpha(own)) };
-                Bsdf::new(&metal, color).eval(wo, leaning)
+        let bsdf = match &self.maps.roughness {
+            Some(map) => {
+                let roughness = sample(map).truncate().max(Vec2::splat(LEAST_ALPHA.sqrt()));
+                Bsdf::of_roughness(&self.prepared, color, roughness)
             }
-            Surface::Coated { ior, alpha: own, .. } => {
-                let alpha = alpha(Vec2::splat(own)).element_sum() / 2.0;
-                let nearest = (alpha.sqrt() * (self.coats.len() - 1) as f32).round() as usize;
-                let roughness = Ggx::new(Vec2::splat(alpha));
-                Coated { base: color, ior: ior.into(), roughness, coat: &self.coats[nearest] }.eval(wo, leaning)
-            }
-            _ => Bsdf::new(&Prepared::Diffuse, color).eval(wo, leaning),
+            None => Bsdf::new(&self.prepared, color),
         };
-        value * received
+        bsdf.eval(wo, leaning) * received
     }
 
     /// The frame at a point.

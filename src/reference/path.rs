@@ -67,7 +67,11 @@ impl Reference<'_> {
 
             cone = cone.at(distance_squared.sqrt());
             let footprint = cone.footprint(point.uv, point.uv_density, wo_world.dot(frame.geometric));
-            let bsdf = Bsdf::at(&self.surfaces[point.material_index as usize], point.color, footprint);
+            let surface = &self.surfaces[point.material_index as usize];
+            let bsdf = match point.roughness {
+                Some(roughness) => Bsdf::of_roughness(surface, point.color, roughness),
+                None => Bsdf::at(surface, point.color, footprint),
+            };
             let wo = frame.to_local(wo_world);
             if !bsdf.is_delta()
                 && let Some(light) = self.lights.sample(&self.scene, point.position, &mut random)

@@ -1,6 +1,6 @@
 //! A point on a triangle, recomputed in `f64` from what Embree hit.
 
-use glam::{DAffine3, DMat3, DVec2, DVec3, Vec3};
+use glam::{DAffine3, DMat3, DVec2, DVec3, Vec2, Vec3};
 
 use super::embree::Hit;
 use crate::material::{Frame, color, mapped_normal, triangle_derivatives, uv_density};
@@ -97,6 +97,8 @@ pub struct SurfacePoint<'a> {
     pub material: &'a crate::scene::Material,
     /// The surface's colour here, texture included.
     pub color: DVec3,
+    /// What a map says of the roughness along u and v.
+    pub roughness: Option<Vec2>,
     /// Texture coordinates.
     pub uv: DVec2,
     /// Area in them of a unit of area.
@@ -163,6 +165,7 @@ impl<'a> SurfacePoint<'a> {
             material_index,
             material,
             color: surface_color,
+            roughness: material.roughness_map.map(|map| scene.textures[map as usize].sample(uv.as_vec2()).truncate()),
             uv,
             uv_density,
         })

@@ -39,6 +39,8 @@ pub struct Features {
     pub holes: bool,
     /// Some material on a mesh has a map of normals.
     pub normal_maps: bool,
+    /// Some material on a mesh has a map of its roughness.
+    pub roughness_maps: bool,
     /// The camera has a lens.
     pub lens: bool,
     /// Some material on a mesh varies over a texture otherwise than by a colour.
@@ -66,6 +68,7 @@ impl Features {
             textures: used().any(|material| material.textures().next().is_some()),
             holes: used().any(|material| !material.opacity.is_whole()),
             normal_maps: used().any(|material| material.normal_map.is_some()),
+            roughness_maps: used().any(|material| material.roughness_map.is_some()),
             footprints: used().any(|material| is_spatial(&material.surface, &scene.brdfs)),
             lens: scene.camera.lens.is_some(),
             instanced: is_instanced(scene),
@@ -85,6 +88,7 @@ impl Features {
         textures: false,
         holes: false,
         normal_maps: false,
+        roughness_maps: false,
         footprints: false,
         lens: false,
         instanced: false,
@@ -101,6 +105,7 @@ impl Features {
             textures: self.textures || other.textures,
             holes: self.holes || other.holes,
             normal_maps: self.normal_maps || other.normal_maps,
+            roughness_maps: self.roughness_maps || other.roughness_maps,
             footprints: self.footprints || other.footprints,
             lens: self.lens || other.lens,
             instanced: self.instanced || other.instanced,
@@ -121,6 +126,7 @@ impl Features {
             (self.textures || !other.textures, "textures"),
             (self.holes || !other.holes, "materials with holes"),
             (self.normal_maps || !other.normal_maps, "maps of normals"),
+            (self.roughness_maps || !other.roughness_maps, "maps of roughness"),
             (self.footprints || !other.footprints, "NeuBRDFs that vary over a texture"),
             (self.lens || !other.lens, "a lens"),
             (self.instanced || !other.instanced, "instances that move"),
@@ -166,6 +172,7 @@ impl Features {
             (14, settings.bsdf_sampling as u32),
             flag(15, self.holes),
             flag(16, self.normal_maps),
+            flag(17, self.roughness_maps),
             (26, self.neubrdf_queues),
             (27, settings.roulette_after),
             flag(29, self.footprints),

@@ -115,7 +115,7 @@ crate::shared_structs! {
         pub opacity: f32,
         pub opacity_texture: u32,
         pub normal_map: u32,
-        pub padding: u32,
+        pub roughness_map: u32,
     }
 }
 
@@ -136,7 +136,7 @@ impl MaterialRecord {
 
     /// All of a material but the address of its table.
     fn new(material: &Material, prepared: &Prepared, brdfs: &[Arc<Brdf>]) -> MaterialRecord {
-        let Material { surface, emission, opacity, normal_map, .. } = material;
+        let Material { surface, emission, opacity, normal_map, roughness_map, .. } = material;
         let color = color(surface);
         let mut flags = family(surface, brdfs) as u32;
         if let Surface::Measured { brdf } = *surface {
@@ -160,7 +160,7 @@ impl MaterialRecord {
         let has_boundary = matches!(surface, Surface::Conductor { .. }) || (ior - 1.0).abs() >= INDEX_MATCH;
         let is_rough = has_boundary && alpha.max_element() >= SMOOTH_ALPHA;
         let alpha = if is_rough { alpha.max(Vec2::splat(SMOOTH_ALPHA)) } else { Vec2::ZERO };
-        let average_coat = if let Prepared::Coated { coat, .. } = prepared { coat.average() } else { 0.0 };
+        let average_coat = if let Prepared::Coated { coats, .. } = prepared { coats[0].average() } else { 0.0 };
         MaterialRecord {
             color: color.value.into(),
             texture_index: color.texture.unwrap_or(Self::NO_TEXTURE),
@@ -175,7 +175,7 @@ impl MaterialRecord {
             opacity: opacity.value,
             opacity_texture: opacity.texture.unwrap_or(Self::NO_TEXTURE),
             normal_map: normal_map.unwrap_or(Self::NO_TEXTURE),
-            padding: 0,
+            roughness_map: roughness_map.filter(|_| has_boundary).unwrap_or(Self::NO_TEXTURE),
         }
     }
 }
@@ -242,17 +242,18 @@ impl DeviceMaterials {
     ) -> Result<(), Error> {
         let (prepared, tables) = (self.prepared.clone(), self.tables.clone());
         for (place, &index) in changed.iter().enumerate() {
-            let Material { surface, .. } = &now[index];
+            let material = &now[index];
+            let surface = &material.surface;
             let is_new = matches!(surface, Surface::Measured { brdf } if changed_brdfs.contains(&(*brdf as usize)));
             // What costs time is shared with whichever material had it before, or has it already.
-            let alike = |material: &Material| is_alike(&material.surface, surface);
+            let alike = |other: &Material| is_alike(other, material);
             let had = || before.iter().position(alike).filter(|_| !is_new);
             let has = changed[..place].iter().find(|other| alike(&now[**other]));
             (self.prepared[index], self.tables[index]) = match (has, had()) {
                 (Some(twin), _) => (self.prepared[*twin].clone(), self.tables[*twin].clone()),
                 (None, Some(twin)) => (prepared[twin].clone(), tables[twin].clone()),
                 (None, None) => {
-                    let prepared = Arc::new(Prepared::new(surface, brdfs));
+                    let prepared = Arc::new(Prepared::of(material, brdfs));
                     let table = table(surface, &prepared, brdfs, shape);
                     let table = table.map(|words| upload.buffer("material table", &words)).transpose()?;
                     (prepared, table.map(|table| (table, 0)))
@@ -331,12 +332,23 @@ impl MaterialTable {
     }
 }
 
+/// A `CoatTable`, of [`Prepared::Coated::coats`]; a smooth coat needs none.
+fn coat_table(coats: &[CoatAlbedo]) -> Option<Vec<u32>> {
+    let numbers = match coats {
+        [coat] => coat.table()?.to_vec(),
+        [_smooth, by_roughness @ ..] => {
+            let tables: Vec<&[f32]> = by_roughness.iter().map(CoatAlbedo::table).collect::<Option<_>>()?;
+            tables.concat().into_iter().chain(by_roughness.iter().map(|coat| coat.average() as f32)).collect()
+        }
+        [] => return None,
+    };
+    Some(numbers.into_iter().map(f32::to_bits).collect())
+}
+
 /// What a surface has in memory of its own.
 fn table(surface: &Surface, prepared: &Prepared, brdfs: &[Arc<Brdf>], shape: &NeuBrdfShape) -> Option<Vec<u32>> {
     match (surface, prepared) {
-        (_, Prepared::Coated { coat: CoatAlbedo::Rough { table, .. }, .. }) => {
-            Some(table.iter().map(|albedo| albedo.to_bits()).collect())
-        }
+        (_, Prepared::Coated { coats, .. }) => coat_table(coats),
         (Surface::Measured { brdf }, Prepared::LobeSampled { lobe, .. }) => {
             Some(brdf_table::pack(lobe, &brdf_table::brdf(&brdfs[*brdf as usize], shape)))
         }

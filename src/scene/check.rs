@@ -179,6 +179,13 @@ impl Scene {
         ensure((0.0..=1.0).contains(&value), || part("opacity"), value, "in [0, 1]")?;
         let fine = material.opacity.is_whole() || !material.is_emissive();
         ensure(fine, || part("opacity"), format!("{value}, or a texture"), "1, and no texture, as it emits")?;
+        let fine = material.roughness_map.is_none() || material.surface.takes_roughness_map();
+        ensure(
+            fine,
+            || part("surface"),
+            "one that no map of roughness can vary",
+            "metal, glass or coated, or without such a map",
+        )?;
         let alpha_is_fine = |alpha: f32| (0.0..=1.0).contains(&alpha);
         match &material.surface {
             Surface::Diffuse { .. } => Ok(()),

@@ -1,6 +1,7 @@
 //! Scene files: TOML beside OBJ, as docs/scenes.md describes it, or a bare OBJ file.
 
 use std::collections::HashMap;
+use std::mem::discriminant;
 use std::path::{Path, PathBuf};
 
 use glam::{Affine3A, EulerRot, Mat3, Quat, Vec2, Vec3};
@@ -154,9 +155,9 @@ fn framing(bounds: &Bounds, film: Film) -> Camera {
 fn decode_textures(scene: &mut Scene, files: &[TextureFile], warnings: &mut Vec<Warning>) -> Result<(), Error> {
     // What became of a file, once it is decoded.
     let mut decoded: Vec<Option<Option<u32>>> = vec![None; files.len()];
-    for Material { surface, opacity, normal_map, .. } in &mut scene.materials {
+    for Material { surface, opacity, normal_map, roughness_map, .. } in &mut scene.materials {
         let of_color = surface.color_mut().map(|color| &mut color.texture);
-        for texture in of_color.into_iter().chain([&mut opacity.texture, normal_map]) {
+        for texture in of_color.into_iter().chain([&mut opacity.texture, normal_map, roughness_map]) {
             let Some(index) = texture.map(|index| index as usize) else { continue };
             if decoded[index].is_none() {
                 let found = decode_texture(&files[index], files, warnings)?;
@@ -188,7 +189,7 @@ fn decode_texture(
             Ok(Some(texture))
         }
         Holds::Opacities => decode::opacity(path, named_by, warnings).map(Some),
-        Holds::Normals => decode::numbers(path, named_by, warnings).map(Some),
+        Holds::Normals | Holds::Roughnesses => decode::numbers(path, named_by, warnings).map(Some),
         Holds::Bumps => {
             let found = decode::numbers(path, named_by, warnings);
             let normals = found.as_ref().is_ok_and(Texture::holds_normals);
@@ -320,7 +321,7 @@ const MATERIAL_TYPES: &str =
 /// Changes the materials of a name as a table of the scene file says.
 fn override_material(name: &str, value: &Value, file: &Path, library: &mut Library) -> Result<(), Error> {
     let table = value.table()?;
-    if let Some(map) = [MAPS[0], MAPS[2]].iter().find_map(|key| table.get(key)) {
+    if let Some(map) = table.get(MAPS[2]) {
         return Err(map.error(MAPS_ARE_LEARNED));
     }
     let indices: Vec<usize> =
@@ -334,17 +335,33 @@ fn override_material(name: &str, value: &Value, file: &Path, library: &mut Libra
     for index in indices {
         let before = library.materials[index].clone();
         let color = |color: &Value| color.color(0.0, BRIGHTEST);
+        let mut map = |key: &str, holds: Holds| {
+            let named = table.get(key);
+            named.map(|value| Ok(library.texture(beside(file, value.string()?), holds, &value.place()))).transpose()
+        };
+        let normal_map = map(MAPS[1], Holds::Normals)?.or(before.normal_map);
+        let roughness_map = map(MAPS[0], Holds::Roughnesses)?;
+        let surface = surface(&table, &before.surface, file, library)?;
+        let is_mirror = table.get("type").map(|value| value.string()).transpose()? == Some("mirror");
+        let takes_map = surface.takes_roughness_map() && !is_mirror;
+        let has_roughness = ["roughness", "alpha"].iter().find_map(|key| table.get(key));
+        if let Some(value) = table.get(MAPS[0]).filter(|_| !takes_map) {
+            return Err(value.error("no map of roughness but on a conductor, dielectric or coated surface"));
+        }
+        if let Some(value) = has_roughness.as_ref().filter(|_| roughness_map.is_some()) {
+            return Err(value.error("either a roughness, or a map of it"));
+        }
+        // A roughness of the table counts for more than a map of the MTL file, and so does another kind of surface.
+        let keeps_map = has_roughness.is_none() && takes_map && discriminant(&surface) == discriminant(&before.surface);
         library.materials[index] = Material {
-            surface: surface(&table, &before.surface, file, library)?,
+            surface,
+            roughness_map: roughness_map.or(before.roughness_map.filter(|_| keeps_map)),
             emission: table.get("emission").map_or(Ok(before.emission), |value| color(&value))?,
             emits_both_sides: table
                 .get("emits_both_sides")
                 .map_or(Ok(before.emits_both_sides), |value| value.boolean())?,
             opacity: table.get("opacity").map_or(Ok(before.opacity), |value| opacity(&value, file, library))?,
-            normal_map: match table.get(MAPS[1]) {
-                Some(value) => Some(library.texture(beside(file, value.string()?), Holds::Normals, &value.place())),
-                None => before.normal_map,
-            },
+            normal_map,
             name: before.name,
         };
         let material = &library.materials[index];
@@ -359,7 +376,7 @@ fn override_material(name: &str, value: &Value, file: &Path, library: &mut Libra
 
 /// Keys of all surfaces that stand in a scene.
 pub(super) const OF_A_SCENE: [&str; 3] = ["emission", "emits_both_sides", "opacity"];
-/// Keys of maps: [`super::SurfaceMaps`]. `neubrdf train` reads them all, a scene the second alone.
+/// Keys of maps: [`super::SurfaceMaps`]. `neubrdf train` reads them all, a scene all but the last.
 pub(super) const MAPS: [&str; 3] = ["roughness_map", "normal_map", "anisotropy_direction_map"];
 /// What is expected where such a key stands elsewhere.
 pub(super) const MAPS_ARE_LEARNED: &str =

@@ -36,7 +36,7 @@ impl Scene {
             put(&mut hasher, &matrix3.to_cols_array());
             put(&mut hasher, &translation.to_array());
         }
-        for Material { name: _, surface, emission, emits_both_sides, opacity, normal_map } in materials {
+        for Material { name: _, surface, emission, emits_both_sides, opacity, normal_map, roughness_map } in materials {
             put_surface(&mut hasher, surface);
             put(&mut hasher, &[*emission]);
             put(&mut hasher, &[u8::from(*emits_both_sides)]);
@@ -47,6 +47,10 @@ impl Scene {
             }
             if let Some(texture) = normal_map {
                 put(&mut hasher, b"normal map");
+                put(&mut hasher, &[*texture]);
+            }
+            if let Some(texture) = roughness_map {
+                put(&mut hasher, b"roughness map");
                 put(&mut hasher, &[*texture]);
             }
         }

@@ -20,6 +20,9 @@ pub struct Material {
     /// Index into [`super::Scene::textures`] of shading normals: x along u, y along v, z along the triangle's own, each from −1 (0 in the texture)
     /// to 1.
     pub normal_map: Option<u32>,
+    /// Index into [`super::Scene::textures`] of the roughness along u (red) and v (green), instead of the surface's own: α is its square. Of a
+    /// [`Surface::takes_roughness_map`]; where that has one α, it is the mean of both.
+    pub roughness_map: Option<u32>,
 }
 
 /// The probability with which a ray meets a surface; otherwise it goes on as if there were nothing. Leaves are cut out of their triangles by it.
@@ -119,6 +122,11 @@ impl Surface {
         }
     }
 
+    /// Whether a map may say how rough it is.
+    pub fn takes_roughness_map(&self) -> bool {
+        matches!(self, Surface::Conductor { .. } | Surface::Dielectric { .. } | Surface::Coated { .. })
+    }
+
     /// Index into [`super::Scene::textures`] of the texture that its colour is multiplied by.
     pub fn texture(&self) -> Option<u32> {
         self.color()?.texture
@@ -152,8 +160,15 @@ impl Scene {
 impl Material {
     /// A material without holes that does not emit.
     pub fn new(name: impl Into<String>, surface: Surface) -> Material {
-        let (emission, emits_both_sides, opacity) = (Vec3::ZERO, false, Opacity::WHOLE);
-        Material { name: name.into(), surface, emission, emits_both_sides, opacity, normal_map: None }
+        Material {
+            name: name.into(),
+            surface,
+            emission: Vec3::ZERO,
+            emits_both_sides: false,
+            opacity: Opacity::WHOLE,
+            normal_map: None,
+            roughness_map: None,
+        }
     }
 
     /// Whether its triangles are lights.
@@ -163,6 +178,6 @@ impl Material {
 
     /// The textures that it looks up: indices into [`super::Scene::textures`].
     pub fn textures(&self) -> impl Iterator<Item = u32> {
-        [self.surface.texture(), self.opacity.texture, self.normal_map].into_iter().flatten()
+        [self.surface.texture(), self.opacity.texture, self.normal_map, self.roughness_map].into_iter().flatten()
     }
 }

@@ -44,6 +44,7 @@ pub(super) enum Holds {
     Colors,
     Opacities,
     Normals,
+    Roughnesses,
     /// Normals, as most that is called a bump map, or heights.
     Bumps,
 }
@@ -219,7 +220,10 @@ impl Library {
         let normals = material.unknown_param.get("norm").map(|text| (split_options(text).1, Holds::Normals));
         let bumps = material.normal_texture.as_ref().map(|name| (name.as_str(), Holds::Bumps));
         let normal_map = normals.or(bumps).map(|(name, holds)| self.texture(beside(&place.file, name), holds, place));
-        Material { name: material.name.clone(), surface, emission, emits_both_sides: false, opacity, normal_map }
+        let roughnesses = material.unknown_param.get("map_Pr").filter(|_| surface.takes_roughness_map());
+        let roughness_map = roughnesses.map(|name| self.texture(beside(&place.file, name), Holds::Roughnesses, place));
+        let name = material.name.clone();
+        Material { name, surface, emission, emits_both_sides: false, opacity, normal_map, roughness_map }
     }
 
     /// What `d` and `map_d` say. Of glass `d` says that one sees through, not that it is not there.
@@ -260,8 +264,11 @@ fn unused_statements(material: &tobj::Material) -> Vec<&str> {
     let tobj::Material { specular_texture, shininess_texture, .. } = material;
     let maps = [(specular_texture, "map_Ks"), (shininess_texture, "map_Ns")];
     let maps = maps.into_iter().filter(|(texture, _)| texture.is_some()).map(|(_, statement)| statement);
-    let others =
-        material.unknown_param.keys().map(String::as_str).filter(|name| !["Pr", "Pm", "aniso", "norm"].contains(name));
+    let others = material
+        .unknown_param
+        .keys()
+        .map(String::as_str)
+        .filter(|name| !["Pr", "map_Pr", "Pm", "aniso", "norm"].contains(name));
     maps.chain(others).collect()
 }
 
@@ -317,7 +324,7 @@ fn check(statement: &str, named: bool, out: &mut String) -> Result<Option<String
                 return Err(Fault::new("no file", "the file of a texture"));
             }
             out.push_str(&format!("{keyword} {file}\n"));
-            if ["map_Kd", "map_d"].contains(&keyword) {
+            if ["map_Kd", "map_d", "map_Pr"].contains(&keyword) {
                 options.iter().for_each(|option| out.push_str(&format!("{keyword}{option} 1\n")));
             }
         }

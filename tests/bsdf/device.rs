@@ -8,7 +8,7 @@
 use std::collections::HashMap;
 use std::sync::Arc;
 
-use glam::{DVec3, Vec3};
+use glam::{DVec3, Vec2, Vec3};
 use neubrdf::gpu::{Buffer, Device, Kernel, spirv};
 use neubrdf::material::{self, Bsdf, BsdfSample, Prepared};
 use neubrdf::render::{Family, MaterialTable, family};
@@ -40,7 +40,7 @@ fn least_value(bsdf: &Bsdf) -> f64 {
 }
 
 /// The kernels of a device that were built so far, by name and constants: drivers take seconds for one.
-type Kernels = HashMap<(String, [(u32, u32); 9]), Arc<Kernel>>;
+type Kernels = HashMap<(String, Vec<(u32, u32)>), Arc<Kernel>>;
 
 /// A family's test kernel and the surfaces that it knows.
 pub struct Shader {
@@ -52,21 +52,24 @@ pub struct Shader {
 
 impl Shader {
     pub fn new(device: &Arc<Device>, surfaces: &[Surface], brdfs: &[Arc<Brdf>]) -> Shader {
-        Shader::with(&mut Kernels::new(), device, surfaces, brdfs)
+        let materials: Vec<Material> = surfaces.iter().map(as_material).collect();
+        Shader::with(&mut Kernels::new(), device, &materials, brdfs)
     }
 
     /// The same with a kernel that may have been built before.
-    fn with(kernels: &mut Kernels, device: &Arc<Device>, surfaces: &[Surface], brdfs: &[Arc<Brdf>]) -> Shader {
-        let kernel_name = format!("test_bsdf_{}", family(&surfaces[0], brdfs).name());
-        let packed = MaterialTable::new(&surfaces.iter().map(as_material).collect::<Vec<_>>(), brdfs, Precision::F32);
+    fn with(kernels: &mut Kernels, device: &Arc<Device>, materials: &[Material], brdfs: &[Arc<Brdf>]) -> Shader {
+        let kernel_name = format!("test_bsdf_{}", family(&materials[0].surface, brdfs).name());
+        let packed = MaterialTable::new(materials, brdfs, Precision::F32);
+        let is_mapped = materials.iter().any(|material| material.roughness_map.is_some());
         let upload = |table: &Vec<u32>| Buffer::with_data(device, "material table", table).unwrap();
         let tables: Vec<Buffer> = packed.tables.iter().map(upload).collect();
         let addresses: Vec<u64> = tables.iter().map(Buffer::address).collect();
         let materials = Buffer::with_data(device, "materials", &packed.records(&addresses)).unwrap();
-        let constants = packed.neubrdf_shape.on(device).specialization();
+        let mut constants = packed.neubrdf_shape.on(device).specialization().to_vec();
+        constants.push((17, is_mapped.into()));
         let source = spirv::load(&kernel_name).unwrap();
         let build = || Arc::new(Kernel::new(device, source, &constants).unwrap());
-        let kernel = kernels.entry((kernel_name, constants)).or_insert_with(build).clone();
+        let kernel = kernels.entry((kernel_name, constants.clone())).or_insert_with(build).clone();
         Shader { device: device.clone(), kernel, materials, _tables: tables }
     }
 
@@ -311,6 +314,14 @@ fn compare_samples(bsdf: &Bsdf, case: &BsdfTestCase, result: &BsdfTestResult, na
     Some(deviation)
 }
 
+/// What holds for all: finite numbers, directions of length 1.
+fn check_numbers(bsdf: &Bsdf, case: &BsdfTestCase, result: &BsdfTestResult, name: &str) {
+    let numbers = result.eval_pdf.iter().chain(&result.weight).chain([&result.pdf]);
+    assert!(numbers.copied().all(|x| x.is_finite() && x >= 0.0), "{result:?}: {name} {case:?}");
+    assert!((Vec3::from(result.wi).length() - 1.0).abs() < 1e-5, "{result:?}: {name} {case:?}");
+    assert_eq!(result.is_delta & 2 != 0, bsdf.is_delta(), "{name}");
+}
+
 /// How far results are from the definitions.
 #[derive(Default)]
 pub struct Parity {
@@ -333,27 +344,33 @@ impl Parity {
             let index = case.material as usize;
             let surface = &surfaces[index];
             let bsdf = Bsdf::new(&prepared[index], material::color(surface).value.as_dvec3());
-            let name = describe(surface);
-            let numbers = result.eval_pdf.iter().chain(&result.weight).chain([&result.pdf]);
-            assert!(numbers.copied().all(|x| x.is_finite() && x >= 0.0), "{result:?}: {name} {case:?} on {device}");
-            assert!((Vec3::from(result.wi).length() - 1.0).abs() < 1e-5, "{result:?}: {name} {case:?}");
-            assert_eq!(result.is_delta & 2 != 0, bsdf.is_delta(), "{name}");
+            let name = format!("{} on {device}", describe(surface));
             if matches!(surface, Surface::Layered(_)) {
                 // One walk is no value: `layered` compares means.
+                check_numbers(&bsdf, case, result, &name);
                 return Parity { count: 1, ..Parity::default() };
             }
-            let values = compare_values(&bsdf, case, result, &name);
-            match compare_samples(&bsdf, case, result, &name) {
-                Some(samples) => Parity { values, samples, undecided: 0, count: 1 },
-                None => Parity { values, samples: Deviation::default(), undecided: 1, count: 1 },
-            }
+            Parity::of_one(&bsdf, case, result, &name)
         };
-        cases.par_iter().zip(results).map(compare).reduce(Parity::default, |a, b| Parity {
-            values: a.values.merge(b.values),
-            samples: a.samples.merge(b.samples),
-            undecided: a.undecided + b.undecided,
-            count: a.count + b.count,
-        })
+        cases.par_iter().zip(results).map(compare).reduce(Parity::default, Parity::merge)
+    }
+
+    fn of_one(bsdf: &Bsdf, case: &BsdfTestCase, result: &BsdfTestResult, name: &str) -> Parity {
+        check_numbers(bsdf, case, result, name);
+        let values = compare_values(bsdf, case, result, name);
+        match compare_samples(bsdf, case, result, name) {
+            Some(samples) => Parity { values, samples, undecided: 0, count: 1 },
+            None => Parity { values, samples: Deviation::default(), undecided: 1, count: 1 },
+        }
+    }
+
+    fn merge(self, other: Parity) -> Parity {
+        Parity {
+            values: self.values.merge(other.values),
+            samples: self.samples.merge(other.samples),
+            undecided: self.undecided + other.undecided,
+            count: self.count + other.count,
+        }
     }
 
     pub fn holds(&self) -> bool {
@@ -398,6 +415,28 @@ fn shaders_agree_with_the_definitions() {
     });
 }
 
+/// Where a map says how rough it is, a coat's albedo is interpolated between roughnesses.
+#[test]
+fn coats_of_a_mapped_roughness_agree_with_the_definition() {
+    let roughnesses = [0.0, 0.02, 0.09, 0.3, 0.71, 1.0f32];
+    let tint = Vec3::new(0.9, 0.5, 0.1);
+    let surfaces: Vec<Surface> = roughnesses.iter().map(|roughness| coated(tint, 1.5, roughness * roughness)).collect();
+    let mapped = |surface| Material { roughness_map: Some(0), ..as_material(surface) };
+    let materials: Vec<Material> = surfaces.iter().map(mapped).collect();
+    let cases = cases(&surfaces, &Prepared::all(&surfaces.iter().map(as_material).collect::<Vec<_>>(), &[]), 60_000);
+    let prepared = Prepared::of(&materials[0], &[]);
+    on_both_drivers(|device, name| {
+        let results = Shader::with(&mut Kernels::new(), device, &materials, &[]).run(&cases);
+        let compare = |(case, result): (&BsdfTestCase, &BsdfTestResult)| {
+            let roughness = roughnesses[case.material as usize];
+            let bsdf = Bsdf::of_roughness(&prepared, tint.as_dvec3(), Vec2::splat(roughness));
+            Parity::of_one(&bsdf, case, result, &format!("roughness {roughness}"))
+        };
+        let parity = cases.par_iter().zip(&results).map(compare).reduce(Parity::default, Parity::merge);
+        assert!(parity.holds(), "{}", parity.report(name));
+    });
+}
+
 #[test]
 fn shaders_sample_what_the_density_says() {
     // Each family has its share of one configuration in three, and of one in six on the slower driver.
@@ -425,8 +464,8 @@ fn check_samples(evidence: &str, configurations: &[Configuration], steps: [usize
         let mut kernels = Kernels::new();
         let histogram = |&(index, configuration): &(usize, &Configuration)| {
             let mut random = Random(5000 + index as u64);
-            let surface = std::slice::from_ref(&configuration.surface);
-            let shader = Shader::with(&mut kernels, device, surface, &configuration.brdfs);
+            let material = as_material(&configuration.surface);
+            let shader = Shader::with(&mut kernels, device, &[material], &configuration.brdfs);
             let wo = configuration.wo.as_vec3().as_dvec3();
             let cases: Vec<_> = (0..SAMPLES).map(|_| case(0, wo, DVec3::Z, random.units())).collect();
             let mut histogram = Histogram::new(configuration);

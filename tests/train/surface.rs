@@ -240,14 +240,18 @@ fn maps_are_read_as_they_are_meant() {
         assert!(error.contains(message), "{error}");
     }
 
-    // Scenes do not render maps; they say what to do.
+    // Scenes do not render maps of the direction; they say what to do.
     write(whole);
     assert!(Surface::load(&path, None).is_err());
     fs::write(folder.path().join("a.obj"), "v 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl m\nf 1 2 3\n").unwrap();
     let scene = folder.path().join("scene.toml");
-    fs::write(&scene, format!("[[mesh]]\nfile = \"a.obj\"\n[material.m]\n{whole}")).unwrap();
+    fs::write(
+        &scene,
+        format!("[[mesh]]\nfile = \"a.obj\"\n[material.m]\n{whole}anisotropy_direction_map = \"normal.png\"\n"),
+    )
+    .unwrap();
     let error = Scene::load(&scene).unwrap_err().to_string();
-    assert!(error.contains("roughness_map") && error.contains("neubrdf train"), "{error}");
+    assert!(error.contains("anisotropy_direction_map") && error.contains("neubrdf train"), "{error}");
 }
 
 /// A stream of numbers in [0, 1).
