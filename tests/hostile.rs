@@ -70,7 +70,7 @@ struct Folder(tempfile::TempDir);
 const OBJ: &str = "mtllib a.mtl\no first\nv 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0.5\nvt 0 0\nvt 1 0\nvt 1 1\nvn 0 0 1\n\
     usemtl m\nf 1/1/1 2/2/1 3/3/1\nusemtl n\nf 1 -2 -1 2\nusemtl p\nf 4/1/1 3/1/1 2/2/1\nusemtl q\nf 1 2 4\n";
 const MTL: &str = "newmtl m\nKd .5 .5 .5\nmap_Kd -s 1 1 1 a.png\nmap_d a.png\nd 0.5\nnorm a.tga\nnewmtl n\nmap_Pr a.png\nKs .5 .4 .3\nNs 20\nKd 0 0 0\nillum 3\n\
-    newmtl q\nnewmtl p\nKe 1 2 3\nmap_Kd a.jpg\nPr 0.5\nPm 1\n";
+    newmtl q\nnewmtl p\nKe 1 2 3\nmap_Ke a.png\nmap_Kd a.jpg\nPr 0.5\nPm 1\n";
 const TOML: &str = "[camera]\neye = [0, 0, 5]\ntarget = [0, 0, 0]\nfov = 40\nlens_radius = 0.1\n[film]\nwidth = 8\n\
     height = 8\n[[mesh]]\nfile = \"a.obj\"\ncrease_angle = 30\ntransform = { scale = 2, rotate = [0, 10, 0] }\n\
     instances = [{}, { translate = [1, 2, 3] }]\n[material.q]\ntype = \"measured\"\nfile = \"a.safetensors\"\n\

@@ -19,7 +19,7 @@ use neubrdf::scene::brdf::{
     Codebook, CornerWeights, Dense, Encoding, Footprint, NeuBrdf, Precision, Provenance, SphereGrid, SphereTable,
     SurfaceFrame, SurfaceFrames, SurfaceGrid, SurfaceTable,
 };
-use neubrdf::scene::{Brdf, Environment, LightTable, SamplingLobe, Scene, Sun, Surface};
+use neubrdf::scene::{Brdf, Environment, LightTable, Material, SamplingLobe, Scene, Sun, Surface, Texture};
 
 fn settings() -> Settings {
     Settings { max_depth: 6, seed: 7, ..Settings::default() }
@@ -558,20 +558,21 @@ fn only_scenes_with_materials_that_vary_keep_footprints() {
 /// A scene without holes and maps of normals and roughness is rendered by kernels that do not ask for them.
 #[test]
 fn only_scenes_with_holes_and_maps_look_for_them() {
-    let features = |opacity: f32, normal_map: Option<u32>, roughness_map: Option<u32>| {
+    let features = |change: &dyn Fn(&mut Material)| {
         let mut scene = still_life(diffuse(0.5));
-        scene.materials[1].opacity.value = opacity;
-        scene.materials[1].normal_map = normal_map;
-        scene.materials[1].roughness_map = roughness_map;
+        scene.textures = vec![Texture { name: "grey".into(), width: 1, height: 1, texels: vec![[half::f16::ONE; 4]] }];
+        scene.materials.iter_mut().for_each(change);
         Features::of(&scene, &LightTable::new(&scene))
     };
-    let plain = features(1.0, None, None);
-    for (features, constants) in [
-        (plain, [(15, 0), (16, 0), (17, 0)]),
-        (features(0.5, None, None), [(15, 1), (16, 0), (17, 0)]),
-        (features(1.0, Some(0), None), [(15, 0), (16, 1), (17, 0)]),
-        (features(1.0, None, Some(0)), [(15, 0), (16, 0), (17, 1)]),
+    let plain = features(&|_| {});
+    for (features, on) in [
+        (plain, None),
+        (features(&|material| material.opacity.value = 0.5), Some(15)),
+        (features(&|material| material.normal_map = Some(0)), Some(16)),
+        (features(&|material| material.roughness_map = Some(0)), Some(17)),
+        (features(&|material| material.emission_texture = material.is_emissive().then_some(0)), Some(18)),
     ] {
+        let constants = [15, 16, 17, 18].map(|id| (id, u32::from(on == Some(id))));
         let plans = features.kernels(Traversal::RayQuery, &settings(), 64);
         let has = |constant: &(u32, u32)| plans.iter().all(|plan| plan.specialization.contains(constant));
         assert!(constants.iter().all(has), "{constants:?}");

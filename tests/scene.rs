@@ -597,6 +597,23 @@ fn maps_of_roughness_load() {
 }
 
 #[test]
+fn textures_that_emit_load() {
+    let obj = "mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nusemtl a\nf 1/1 2/1 3/1\nusemtl b\nf 1/1 2/1 3/1\nusemtl c\nf 1/1 2/1 3/1\n";
+    let mtl = "newmtl a\nKe 3 2 1\nmap_Ke glow.png\nnewmtl b\nmap_Ke glow.png\nnewmtl c\nKd 1 1 1\n";
+    let toml = "[[mesh]]\nfile = 'a.obj'\n[material.c]\nemission = 7\nemission_texture = 'glow.png'\n";
+    let folder = Folder::new(&[("a.obj", obj), ("a.mtl", mtl), ("s.toml", toml)]);
+    image::GrayImage::from_fn(2, 1, |x, _| image::Luma([255 * x as u8])).save(folder.path("glow.png")).unwrap();
+    let (scene, warnings) = folder.load("s.toml").unwrap();
+    assert!(warnings.is_empty(), "{warnings:?}");
+    let emission: Vec<Vec3> = scene.materials.iter().map(|material| material.emission).collect();
+    assert_eq!(emission, [Vec3::new(3.0, 2.0, 1.0), Vec3::ONE, Vec3::splat(7.0)]);
+    assert!(scene.materials.iter().all(|material| material.emission_texture == Some(0)));
+    let mut plain = scene.clone();
+    plain.materials[0].emission_texture = None;
+    assert_ne!(plain.hash(), scene.hash());
+}
+
+#[test]
 fn environments_load_row_by_row_from_the_zenith() {
     let file = "[[mesh]]\nfile = 'a.obj'\n[environment]\nfile = 'sky.exr'\nscale = [1, 2, 4]\nrotate = 45\n";
     let folder = Folder::new(&[("a.obj", ROOF), ("s.toml", file)]);

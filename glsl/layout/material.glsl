@@ -61,6 +61,8 @@ struct MaterialRecord {
     uint opacity_texture;  // times the red of that texture, or NO_TEXTURE
     uint normal_map;       // index of a texture of shading normals, or NO_TEXTURE
     uint roughness_map;    // index of a texture of the roughness that alpha is the square of, along tangent and bitangent, or NO_TEXTURE
+    uint emission_texture; // index of a texture that multiplies `emission`, or NO_TEXTURE
+    uint padding;
 };
 
 uint material_family(uint flags) {

@@ -15,6 +15,11 @@ struct EmitterRecord {
     vec3 edge_v;
     vec3 emission;
     uint emits_both_sides;
+    uint emission_texture;   // index of a texture that multiplies `emission`, at uv + u·uv_u + v·uv_v, or NO_TEXTURE;
+    float brightness;        // then the luminance that the triangle is sampled by
+    vec2 uv;
+    vec2 uv_u;
+    vec2 uv_v;
 };
 layout(buffer_reference, scalar, buffer_reference_align = 4) readonly buffer EmitterArray {
     EmitterRecord at[];

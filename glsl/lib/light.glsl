@@ -7,10 +7,12 @@
 #include "layout/scene.glsl"
 #include "lib/circle.glsl"
 #include "lib/sampler.glsl"
+#include "lib/texture.glsl"
 
 layout(constant_id = 2) const bool HAS_EMITTERS = false;
 layout(constant_id = 3) const bool HAS_ENVIRONMENT = false;
 layout(constant_id = 4) const bool HAS_SUN = false;
+layout(constant_id = 18) const bool HAS_EMISSION_MAPS = false;   // some emitter's emission is by a texture
 
 const bool HAS_LIGHTS = HAS_EMITTERS || HAS_ENVIRONMENT || HAS_SUN;
 
@@ -47,9 +49,9 @@ float mis_weight(float pdf, float other_pdf) {
     return pdf / (pdf + other_pdf);
 }
 
-// Density per unit solid angle of light-sampling a point on an emitter, `distance_squared` away at |cos| `cosine`.
-float emitter_pdf(Lights lights, vec3 emission, bool both_sides, float distance_squared, float cosine) {
-    return lights.emitter_density * luminance(emission) * (both_sides ? 2.0 : 1.0) * distance_squared / cosine;
+// Density per unit solid angle of light-sampling a point on an emitter of that mean luminance, `distance_squared` away at |cos| `cosine`.
+float emitter_pdf(Lights lights, float brightness, bool both_sides, float distance_squared, float cosine) {
+    return lights.emitter_density * brightness * (both_sides ? 2.0 : 1.0) * distance_squared / cosine;
 }
 
 float environment_pdf(Lights lights, vec3 radiance) {
@@ -82,10 +84,18 @@ LightSample sample_environment(SceneTable scene, Lights lights, uint texel, vec2
     return LightSample(direction * scene.reach, vec3(0.0), radiance, environment_pdf(lights, radiance), false);
 }
 
-LightSample sample_emitter(Lights lights, uint index, vec3 position, vec2 u) {
+LightSample sample_emitter(SceneTable scene, Lights lights, uint index, vec3 position, vec2 u) {
     EmitterRecord emitter = EmitterArray(lights.emitters).at[index];
     float root = sqrt(u.x);
-    vec3 point = emitter.corner + (root * (1.0 - u.y)) * emitter.edge_u + (root * u.y) * emitter.edge_v;
+    vec2 place = root * vec2(1.0 - u.y, u.y);
+    vec3 point = emitter.corner + place.x * emitter.edge_u + place.y * emitter.edge_v;
+    vec3 emission = emitter.emission;
+    float brightness = luminance(emission);
+    if (HAS_EMISSION_MAPS && emitter.emission_texture != NO_TEXTURE) {
+        vec2 uv = emitter.uv + place.x * emitter.uv_u + place.y * emitter.uv_v;
+        emission *= texture_color(scene.textures.at[emitter.emission_texture], uv);
+        brightness = emitter.brightness;
+    }
     vec3 to_light = point - position;
     vec3 normal = cross(emitter.edge_u, emitter.edge_v);
     float distance_squared = dot(to_light, to_light);
@@ -93,10 +103,10 @@ LightSample sample_emitter(Lights lights, uint index, vec3 position, vec2 u) {
     bool both_sides = emitter.emits_both_sides != 0u;
     float cosine = both_sides ? abs(facing) : facing;
     bool lit = cosine > 0.0 && distance_squared > 0.0;
-    float pdf = lit ? emitter_pdf(lights, emitter.emission, both_sides, distance_squared, cosine) : 0.0;
+    float pdf = lit ? emitter_pdf(lights, brightness, both_sides, distance_squared, cosine) : 0.0;
     float gap = 4.0e-6 * (abs(point.x) + abs(point.y) + abs(point.z));
     vec3 off = normal * (inversesqrt(dot(normal, normal)) * gap);
-    return LightSample(to_light, facing > 0.0 ? off : -off, emitter.emission, pdf, false);
+    return LightSample(to_light, facing > 0.0 ? off : -off, emission, pdf, false);
 }
 
 // `u`: two 32-bit fractions. The first picks the table's entry, and what is left of it serves again for the place on the light,
@@ -111,7 +121,7 @@ LightSample sample_light(SceneTable scene, Lights lights, vec3 position, uvec2 u
     fraction = keeps ? fraction / alias.keep : (fraction - alias.keep) / (1.0 - alias.keep);
     vec2 place = vec2(min(fraction, 1.0 - 6.0e-8), unit_interval(u.y));
     if (HAS_EMITTERS && index < lights.emitter_count) {
-        return sample_emitter(lights, index, position, place);
+        return sample_emitter(scene, lights, index, position, place);
     }
     if (HAS_ENVIRONMENT && !(HAS_SUN && index == lights.count - 1u)) {
         return sample_environment(scene, lights, index - lights.emitter_count, place);

@@ -22,11 +22,21 @@ vec3 emitted(Lights lights, Surface surface, MaterialRecord material, vec3 wo, f
     if ((material.flags & MATERIAL_EMITS) == 0u || (cosine <= 0.0 && !both_sides)) {
         return vec3(0.0);
     }
-    if (bsdf_pdf == 0.0) {
-        return material.emission;
+    vec3 emission = material.emission;
+    bool by_texture = HAS_EMISSION_MAPS && material.emission_texture != NO_TEXTURE;
+    if (by_texture) {
+        emission *= texture_color(scene.textures.at[material.emission_texture], surface.uv);
     }
-    float pdf = emitter_pdf(lights, material.emission, both_sides, surface.distance_squared, abs(cosine));
-    return material.emission * mis_weight(bsdf_pdf, pdf);
+    if (bsdf_pdf == 0.0) {
+        return emission;
+    }
+    vec3 mean = material.emission;
+    if (by_texture) {
+        vec2 uv = surface.uv_corner;
+        mean *= texture_mean(scene.textures.at[material.emission_texture], uv, uv + surface.uv_edge_1, uv + surface.uv_edge_2);
+    }
+    float pdf = emitter_pdf(lights, luminance(mean), both_sides, surface.distance_squared, abs(cosine));
+    return emission * mis_weight(bsdf_pdf, pdf);
 }
 
 struct ShadowRay {

@@ -19,6 +19,9 @@ struct Surface {
     vec3 front;               // unit normal of the triangle's front
     Frame frame;              // turned towards the ray where the surface is opaque
     vec2 uv;
+    vec2 uv_corner;           // of the triangle's first corner, and from there to the others; 0 where there is no uv
+    vec2 uv_edge_1;
+    vec2 uv_edge_2;
     float uv_density;         // area in uv of a unit of area in world space; enormous where there is no uv
     float distance_squared;   // from the ray's origin
     uint material;
@@ -76,6 +79,9 @@ Surface surface_at(SceneTable scene, Hit hit, vec3 origin, vec3 direction, bool 
     vec3 dpdu = vec3(0.0);
     vec3 dpdv = vec3(0.0);
     surface.uv = vec2(0.0);
+    surface.uv_corner = vec2(0.0);
+    surface.uv_edge_1 = vec2(0.0);
+    surface.uv_edge_2 = vec2(0.0);
     float uv_area = 0.0;
     if (has_normals(mesh)) {
         shading = w * mesh.normals.at[corners.x] + u * mesh.normals.at[corners.y] + v * mesh.normals.at[corners.z];
@@ -85,6 +91,9 @@ Surface surface_at(SceneTable scene, Hit hit, vec3 origin, vec3 direction, bool 
         vec2 edge_1 = mesh.uvs.at[corners.y] - uv0;
         vec2 edge_2 = mesh.uvs.at[corners.z] - uv0;
         surface.uv = uv0 + u * edge_1 + v * edge_2;
+        surface.uv_corner = uv0;
+        surface.uv_edge_1 = edge_1;
+        surface.uv_edge_2 = edge_2;
         // dp/du and dp/dv times the determinant of the texture mapping, which counts for its sign alone.
         float determinant = edge_1.x * edge_2.y - edge_1.y * edge_2.x;
         float sign_of_map = determinant < 0.0 ? -1.0 : 1.0;

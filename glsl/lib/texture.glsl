@@ -36,6 +36,16 @@ vec3 material_color(SceneTable scene, MaterialRecord material, vec2 uv) {
     return material.color * texture_color(scene.textures.at[material.texture_index], uv);
 }
 
+// The mean of a texture in the middle of a triangle and half-way from there to its corners: `texture_mean` of src/scene/light.rs.
+vec3 texture_mean(TextureRecord image, vec2 a, vec2 b, vec2 c) {
+    vec2 middle = (a + b + c) / 3.0;
+    vec3 sum = texture_color(image, middle);
+    sum += texture_color(image, 0.5 * (middle + a));
+    sum += texture_color(image, 0.5 * (middle + b));
+    sum += texture_color(image, 0.5 * (middle + c));
+    return 0.25 * sum;
+}
+
 // Its roughness where a map gives it: `Bsdf::of_roughness` of src/material/mod.rs.
 vec2 material_alpha(SceneTable scene, MaterialRecord material, vec2 uv) {
     if (!has_roughness_map(material)) {

@@ -202,6 +202,10 @@ typedef enum NeubrdfReserve {
    * Materials with a map of their roughness.
    */
   NEUBRDF_RESERVE_ROUGHNESS_MAPS = 1048576,
+  /**
+   * Materials with a texture of what they emit.
+   */
+  NEUBRDF_RESERVE_EMISSION_MAPS = 2097152,
 } NeubrdfReserve;
 
 /**
@@ -516,6 +520,10 @@ typedef struct NeubrdfMaterial {
    * there is but one α it is the mean of both; 0 for none. Not of the diffuse.
    */
   uint32_t roughness_map;
+  /**
+   * 1 + the index of a texture that `emission` is multiplied by; 0 for none.
+   */
+  uint32_t emission_texture;
 } NeubrdfMaterial;
 
 /**

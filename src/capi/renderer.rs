@@ -85,6 +85,8 @@ pub enum NeubrdfReserve {
     NormalMaps = 524288,
     /// Materials with a map of their roughness.
     RoughnessMaps = 1048576,
+    /// Materials with a texture of what they emit.
+    EmissionMaps = 2097152,
 }
 
 /// What a host may choose; all of it may be 0.
@@ -255,7 +257,7 @@ impl NeubrdfOptions {
             (NeubrdfReserve::Sparse, Family::Sparse),
         ];
         let has = |bit: NeubrdfReserve| self.reserve & bit as u32 != 0;
-        if self.reserve & !0x1f_ffff != 0 {
+        if self.reserve & !0x3f_ffff != 0 {
             return Err(Failure::argument(format!(
                 "NeubrdfOptions.reserve is {:#x}: bits of NeubrdfReserve",
                 self.reserve
@@ -274,6 +276,7 @@ impl NeubrdfOptions {
             holes: has(NeubrdfReserve::Holes),
             normal_maps: has(NeubrdfReserve::NormalMaps),
             roughness_maps: has(NeubrdfReserve::RoughnessMaps),
+            emission_maps: has(NeubrdfReserve::EmissionMaps),
             neubrdf_queues: self.neubrdf_count.clamp(1, Features::MOST_NEUBRDF_QUEUES),
         })
     }

@@ -112,6 +112,8 @@ pub struct NeubrdfMaterial {
     /// 1 + the index of a texture of roughness, along u by its red and along v by its green, of which α is the square instead of `alpha`; where
     /// there is but one α it is the mean of both; 0 for none. Not of the diffuse.
     pub roughness_map: u32,
+    /// 1 + the index of a texture that `emission` is multiplied by; 0 for none.
+    pub emission_texture: u32,
 }
 
 sized_structs! { NeubrdfCamera: 52, NeubrdfMesh: 56, NeubrdfMaterial: 76 }
@@ -200,10 +202,16 @@ impl NeubrdfMaterial {
             other => return Err(Failure::argument(format!("NeubrdfMaterial.surface is {other}: no NeubrdfSurface"))),
         };
         let opacity = Opacity { value: 1.0 - self.transparency, texture: self.opacity_texture.checked_sub(1) };
-        let emits_both_sides = self.emits_both_sides != 0;
-        let (normal_map, roughness_map) = (self.normal_map.checked_sub(1), self.roughness_map.checked_sub(1));
-        let emission = self.emission.into();
-        Ok(Material { name, surface, emission, emits_both_sides, opacity, normal_map, roughness_map })
+        Ok(Material {
+            name,
+            surface,
+            emission: self.emission.into(),
+            emission_texture: self.emission_texture.checked_sub(1),
+            emits_both_sides: self.emits_both_sides != 0,
+            opacity,
+            normal_map: self.normal_map.checked_sub(1),
+            roughness_map: self.roughness_map.checked_sub(1),
+        })
     }
 }
 

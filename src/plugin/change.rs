@@ -160,7 +160,8 @@ pub(super) fn apply(scene: &mut Scene, changes: &[Change], before: &mut Changeab
             Change::Material { index, material } => {
                 scene.check_material(*index, material)?;
                 let now = &mut scene.materials[*index as usize];
-                let shines = |material: &Material| (material.emission, material.emits_both_sides);
+                let shines =
+                    |material: &Material| (material.emission, material.emission_texture, material.emits_both_sides);
                 touched.scene.lights |= shines(now) != shines(material);
                 // The top level says which instances have holes.
                 touched.scene.instances |= now.opacity.is_whole() != material.opacity.is_whole();

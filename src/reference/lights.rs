@@ -17,6 +17,8 @@ pub struct Lights {
     from_sky: Vec<f64>,
     /// Those that shine.
     kinds: Vec<Kind>,
+    /// [`area_weight`] of each material.
+    weights: Vec<f64>,
 }
 
 #[derive(Clone, Copy)]
@@ -35,6 +37,8 @@ struct EmissiveTriangle {
     /// How far off any point of it may be.
     error: DVec3,
     radiance: DVec3,
+    /// A texture that multiplies it, and texture coordinates of the corners.
+    texture: Option<(u32, [DVec2; 3])>,
     both_sides: bool,
     /// [`area_weight`] of its material.
     weight: f64,
@@ -67,10 +71,15 @@ pub enum Source {
     Direction(DVec3),
 }
 
-/// Power of an emitter per unit area, over π: Y·sides.
-fn area_weight(material: &Material) -> f64 {
+/// Power of an emitter per unit area, over π: Y·sides, with a texture's mean.
+fn area_weight(material: &Material, scene: &Scene) -> f64 {
     let sides = if material.emits_both_sides { 2.0 } else { 1.0 };
-    luminance(material.emission.as_dvec3()) * sides
+    let mean = material.emission_texture.map_or(DVec3::ONE, |texture| {
+        let texels = &scene.textures[texture as usize].texels;
+        let sum: DVec3 = texels.iter().map(|[r, g, b, _]| DVec3::new(r.to_f64(), g.to_f64(), b.to_f64())).sum();
+        sum / texels.len() as f64
+    });
+    luminance(material.emission.as_dvec3() * mean) * sides
 }
 
 fn cumulated(weights: impl Iterator<Item = f64>) -> Vec<f64> {
@@ -95,6 +104,7 @@ fn total(cumulated: &[f64]) -> f64 {
 impl Lights {
     /// Finds them.
     pub fn new(scene: &Scene, placements: &[Placement]) -> Lights {
+        let weights: Vec<f64> = scene.materials.iter().map(|material| area_weight(material, scene)).collect();
         let mut triangles = Vec::new();
         for (instance, placement) in scene.instances.iter().zip(placements) {
             let mesh = &scene.meshes[instance.mesh as usize];
@@ -102,13 +112,12 @@ impl Lights {
                 continue;
             }
             for triangle in 0..mesh.triangles.len() {
-                let material = &scene.materials[mesh.material(triangle) as usize];
+                let index = mesh.material(triangle) as usize;
+                let material = &scene.materials[index];
                 if material.is_emissive() {
-                    triangles.extend(EmissiveTriangle::new(
-                        mesh.corners(triangle).map(|corner| corner.as_dvec3()),
-                        placement,
-                        material,
-                    ));
+                    let corners = mesh.corners(triangle).map(|corner| corner.as_dvec3());
+                    let uvs = mesh.corner_uvs(triangle).map(|uv| uv.as_dvec2());
+                    triangles.extend(EmissiveTriangle::new(corners, uvs, placement, material, weights[index]));
                 }
             }
         }
@@ -121,9 +130,9 @@ impl Lights {
                 .map(|(texel, radiance)| sky.solid_angle(texel as u32 / sky.width) * luminance(radiance.as_dvec3()))
         }));
         let sun = scene.sun.map_or(0.0, |sun| luminance(sun.irradiance.as_dvec3()));
-        let weights = [(Kind::Emitters, total(&emitted)), (Kind::Sky, total(&from_sky)), (Kind::Sun, sun)];
-        let kinds = weights.into_iter().filter(|(_, weight)| *weight > 0.0).map(|(kind, _)| kind).collect();
-        Lights { triangles, emitted, from_sky, kinds }
+        let by_kind = [(Kind::Emitters, total(&emitted)), (Kind::Sky, total(&from_sky)), (Kind::Sun, sun)];
+        let kinds = by_kind.into_iter().filter(|(_, weight)| *weight > 0.0).map(|(kind, _)| kind).collect();
+        Lights { triangles, emitted, from_sky, kinds, weights }
     }
 
     /// Of the samples, that each kind gets.
@@ -135,7 +144,7 @@ impl Lights {
     pub fn sample(&self, scene: &Scene, point: DVec3, random: &mut Random) -> Option<LightSample> {
         let kind = *self.kinds.get((random.uniform() * self.kinds.len() as f64) as usize)?;
         match kind {
-            Kind::Emitters => self.sample_emitter(point, random),
+            Kind::Emitters => self.sample_emitter(scene, point, random),
             Kind::Sky => self.sample_sky(scene, random),
             Kind::Sun => scene.sun.map(|sun| LightSample {
                 source: Source::Direction(sun.direction.as_dvec3().normalize()),
@@ -146,17 +155,22 @@ impl Lights {
         }
     }
 
-    fn sample_emitter(&self, point: DVec3, random: &mut Random) -> Option<LightSample> {
+    fn sample_emitter(&self, scene: &Scene, point: DVec3, random: &mut Random) -> Option<LightSample> {
         let triangle = &self.triangles[pick(&self.emitted, random.uniform())];
         let u = DVec2::new(random.uniform(), random.uniform());
         let root = u.x.sqrt();
-        let position = triangle.corner + (root * (1.0 - u.y)) * triangle.edge1 + (root * u.y) * triangle.edge2;
+        let weights = [1.0 - root, root * (1.0 - u.y), root * u.y];
+        let position = triangle.corner + weights[1] * triangle.edge1 + weights[2] * triangle.edge2;
+        let share = triangle.texture.map_or(DVec3::ONE, |(texture, uvs)| {
+            let uv: DVec2 = uvs.iter().zip(weights).map(|(uv, weight)| weight * *uv).sum();
+            scene.textures[texture as usize].sample(uv.as_vec2()).as_dvec3()
+        });
         let to_light = position - point;
         let distance_squared = to_light.length_squared();
         let cosine = -to_light.dot(triangle.normal) / distance_squared.sqrt();
         (cosine > 0.0 || triangle.both_sides && cosine < 0.0).then(|| LightSample {
             source: Source::Point { position, error: triangle.error, normal: triangle.normal },
-            radiance: triangle.radiance,
+            radiance: triangle.radiance * share,
             pdf: self.share() * triangle.weight / total(&self.emitted) * distance_squared / cosine.abs(),
             is_delta: false,
         })
@@ -176,10 +190,10 @@ impl Lights {
         })
     }
 
-    /// The density, per unit solid angle, with which [`Lights::sample`] picks a point of an emitter that is seen at an angle of
+    /// The density, per unit solid angle, with which [`Lights::sample`] picks a point of an emitter of a material, seen at an angle of
     /// `cosine` to its normal.
-    pub fn emitter_pdf(&self, material: &Material, distance_squared: f64, cosine: f64) -> f64 {
-        self.share() * area_weight(material) / total(&self.emitted) * distance_squared / cosine.abs()
+    pub fn emitter_pdf(&self, material: u32, distance_squared: f64, cosine: f64) -> f64 {
+        self.share() * self.weights[material as usize] / total(&self.emitted) * distance_squared / cosine.abs()
     }
 
     /// The density, per unit solid angle, with which [`Lights::sample`] picks a direction that `radiance` comes from.
@@ -191,7 +205,13 @@ impl Lights {
 
 impl EmissiveTriangle {
     /// `None` without area: a ray never hits it.
-    fn new(corners: [DVec3; 3], placement: &Placement, material: &Material) -> Option<EmissiveTriangle> {
+    fn new(
+        corners: [DVec3; 3],
+        uvs: [DVec2; 3],
+        placement: &Placement,
+        material: &Material,
+        weight: f64,
+    ) -> Option<EmissiveTriangle> {
         let [v0, v1, v2] = corners;
         let normal = placement.normal((v1 - v0).cross(v2 - v0)).try_normalize()?;
         let [p0, p1, p2] = corners.map(|corner| placement.point(corner));
@@ -202,8 +222,9 @@ impl EmissiveTriangle {
             normal,
             error: placement.error_bound(v0.abs().max(v1.abs()).max(v2.abs())),
             radiance: material.emission.as_dvec3(),
+            texture: material.emission_texture.map(|texture| (texture, uvs)),
             both_sides: material.emits_both_sides,
-            weight: area_weight(material),
+            weight,
         })
     }
 

@@ -53,9 +53,10 @@ impl Reference<'_> {
 
             if material.is_emissive() && (point.is_front || material.emits_both_sides) {
                 let cosine = wo_world.dot(frame.geometric);
-                let weight = picked_with
-                    .map_or(1.0, |pdf| balance(pdf, self.lights.emitter_pdf(material, distance_squared, cosine)));
-                sample.radiance += throughput * material.emission.as_dvec3() * weight;
+                let weight = picked_with.map_or(1.0, |pdf| {
+                    balance(pdf, self.lights.emitter_pdf(point.material_index, distance_squared, cosine))
+                });
+                sample.radiance += throughput * point.emission * weight;
             }
             if segment == 1 {
                 sample.albedo = point.color;

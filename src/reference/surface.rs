@@ -97,6 +97,8 @@ pub struct SurfacePoint<'a> {
     pub material: &'a crate::scene::Material,
     /// The surface's colour here, texture included.
     pub color: DVec3,
+    /// What it emits here, were it seen from a side that emits.
+    pub emission: DVec3,
     /// What a map says of the roughness along u and v.
     pub roughness: Option<Vec2>,
     /// Texture coordinates.
@@ -150,6 +152,11 @@ impl<'a> SurfacePoint<'a> {
             surface_color *= scene.textures[texture as usize].sample(uv.as_vec2()).as_dvec3();
         }
 
+        let mut emission = material.emission.as_dvec3();
+        if let Some(texture) = material.emission_texture {
+            emission *= scene.textures[texture as usize].sample(uv.as_vec2()).as_dvec3();
+        }
+
         let shading = material.normal_map.map_or(interpolated, |map| {
             let texel = scene.textures[map as usize].sample(uv.as_vec2()).as_dvec3();
             mapped_normal(texel, interpolated.normalize_or(geometric), derivatives)
@@ -165,6 +172,7 @@ impl<'a> SurfacePoint<'a> {
             material_index,
             material,
             color: surface_color,
+            emission,
             roughness: material.roughness_map.map(|map| scene.textures[map as usize].sample(uv.as_vec2()).truncate()),
             uv,
             uv_density,

@@ -9,12 +9,12 @@ use super::error::Error;
 use super::geometry::{Geometry, NextGeometry, Placement, overwrite};
 use super::kernels::Features;
 use super::layout::{AliasRecord, EmitterRecord, SceneTable, TextureRecord};
-use super::material_record::DeviceMaterials;
+use super::material_record::{DeviceMaterials, MaterialRecord};
 use super::neubrdf_table::{NeuBrdfShape, neubrdfs};
 use super::settings::Traversal;
 use crate::gpu::{Buffer, HostMesh, Tlas, Update, Upload};
 use crate::scene::brdf::Precision;
-use crate::scene::{Environment, LightTable, Material, Scene};
+use crate::scene::{Environment, LightTable, Material, Scene, luminance};
 
 /// The uploaded scene.
 pub struct DeviceScene {
@@ -248,7 +248,9 @@ fn emitter(scene: &Scene, [instance, triangle]: [u32; 2]) -> EmitterRecord {
     let mesh = &scene.meshes[instance.mesh as usize];
     let to_world: Affine3A = instance.object_to_world;
     let [a, b, c] = mesh.corners(triangle as usize).map(|corner| to_world.transform_point3(corner));
-    let (b, c) = if to_world.matrix3.determinant() < 0.0 { (c, b) } else { (b, c) };
+    let [uv_a, uv_b, uv_c] = mesh.corner_uvs(triangle as usize);
+    let is_mirrored = to_world.matrix3.determinant() < 0.0;
+    let ((b, uv_b), (c, uv_c)) = if is_mirrored { ((c, uv_c), (b, uv_b)) } else { ((b, uv_b), (c, uv_c)) };
     let material = &scene.materials[mesh.material(triangle as usize) as usize];
     EmitterRecord {
         corner: a.to_array(),
@@ -256,5 +258,10 @@ fn emitter(scene: &Scene, [instance, triangle]: [u32; 2]) -> EmitterRecord {
         edge_v: (c - a).to_array(),
         emission: material.emission.to_array(),
         emits_both_sides: u32::from(material.emits_both_sides),
+        emission_texture: material.emission_texture.unwrap_or(MaterialRecord::NO_TEXTURE),
+        brightness: luminance(scene.mean_emission(mesh, triangle as usize)),
+        uv: uv_a.to_array(),
+        uv_u: (uv_b - uv_a).to_array(),
+        uv_v: (uv_c - uv_a).to_array(),
     }
 }

@@ -41,6 +41,8 @@ pub struct Features {
     pub normal_maps: bool,
     /// Some material on a mesh has a map of its roughness.
     pub roughness_maps: bool,
+    /// Some triangle emits by a texture.
+    pub emission_maps: bool,
     /// The camera has a lens.
     pub lens: bool,
     /// Some material on a mesh varies over a texture otherwise than by a colour.
@@ -69,6 +71,7 @@ impl Features {
             holes: used().any(|material| !material.opacity.is_whole()),
             normal_maps: used().any(|material| material.normal_map.is_some()),
             roughness_maps: used().any(|material| material.roughness_map.is_some()),
+            emission_maps: used().any(|material| material.is_emissive() && material.emission_texture.is_some()),
             footprints: used().any(|material| is_spatial(&material.surface, &scene.brdfs)),
             lens: scene.camera.lens.is_some(),
             instanced: is_instanced(scene),
@@ -89,6 +92,7 @@ impl Features {
         holes: false,
         normal_maps: false,
         roughness_maps: false,
+        emission_maps: false,
         footprints: false,
         lens: false,
         instanced: false,
@@ -106,6 +110,7 @@ impl Features {
             holes: self.holes || other.holes,
             normal_maps: self.normal_maps || other.normal_maps,
             roughness_maps: self.roughness_maps || other.roughness_maps,
+            emission_maps: self.emission_maps || other.emission_maps,
             footprints: self.footprints || other.footprints,
             lens: self.lens || other.lens,
             instanced: self.instanced || other.instanced,
@@ -127,6 +132,7 @@ impl Features {
             (self.holes || !other.holes, "materials with holes"),
             (self.normal_maps || !other.normal_maps, "maps of normals"),
             (self.roughness_maps || !other.roughness_maps, "maps of roughness"),
+            (self.emission_maps || !other.emission_maps, "textures that emit"),
             (self.footprints || !other.footprints, "NeuBRDFs that vary over a texture"),
             (self.lens || !other.lens, "a lens"),
             (self.instanced || !other.instanced, "instances that move"),
@@ -173,6 +179,7 @@ impl Features {
             flag(15, self.holes),
             flag(16, self.normal_maps),
             flag(17, self.roughness_maps),
+            flag(18, self.emission_maps),
             (26, self.neubrdf_queues),
             (27, settings.roulette_after),
             flag(29, self.footprints),

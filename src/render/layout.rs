@@ -36,6 +36,11 @@ crate::shared_structs! {
         pub edge_v: [f32; 3],
         pub emission: [f32; 3],
         pub emits_both_sides: u32,
+        pub emission_texture: u32,
+        pub brightness: f32,
+        pub uv: [f32; 2],
+        pub uv_u: [f32; 2],
+        pub uv_v: [f32; 2],
     }
 
     /// `glsl/layout/scene.glsl`

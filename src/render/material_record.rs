@@ -116,6 +116,8 @@ crate::shared_structs! {
         pub opacity_texture: u32,
         pub normal_map: u32,
         pub roughness_map: u32,
+        pub emission_texture: u32,
+        pub padding: u32,
     }
 }
 
@@ -136,7 +138,7 @@ impl MaterialRecord {
 
     /// All of a material but the address of its table.
     fn new(material: &Material, prepared: &Prepared, brdfs: &[Arc<Brdf>]) -> MaterialRecord {
-        let Material { surface, emission, opacity, normal_map, roughness_map, .. } = material;
+        let Material { surface, emission, emission_texture, opacity, normal_map, roughness_map, .. } = material;
         let color = color(surface);
         let mut flags = family(surface, brdfs) as u32;
         if let Surface::Measured { brdf } = *surface {
@@ -176,6 +178,8 @@ impl MaterialRecord {
             opacity_texture: opacity.texture.unwrap_or(Self::NO_TEXTURE),
             normal_map: normal_map.unwrap_or(Self::NO_TEXTURE),
             roughness_map: roughness_map.filter(|_| has_boundary).unwrap_or(Self::NO_TEXTURE),
+            emission_texture: emission_texture.unwrap_or(Self::NO_TEXTURE),
+            padding: 0,
         }
     }
 }

@@ -235,7 +235,8 @@ impl PathTracer {
             pass.bounce = bounce;
             // The last segment only gathers what shines by itself.
             let scatters = bounce + 1 < self.settings.max_depth;
-            if !scatters && !self.features.emitters && !self.features.environment {
+            let shows_features = bounce == 0 && self.settings.features;
+            if !scatters && !self.features.emitters && !self.features.environment && !shows_features {
                 break;
             }
             commands.barrier();
@@ -246,7 +247,7 @@ impl PathTracer {
                 _ => self.dispatch_queue(commands, trace, Queue::Trace, &pass),
             }
             commands.barrier();
-            if bounce == 0 && self.settings.features {
+            if shows_features {
                 self.dispatch(commands, "first_hit", paths, &pass);
                 // It reads the rays that shading is about to replace.
                 commands.barrier();

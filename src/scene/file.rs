@@ -155,9 +155,9 @@ fn framing(bounds: &Bounds, film: Film) -> Camera {
 fn decode_textures(scene: &mut Scene, files: &[TextureFile], warnings: &mut Vec<Warning>) -> Result<(), Error> {
     // What became of a file, once it is decoded.
     let mut decoded: Vec<Option<Option<u32>>> = vec![None; files.len()];
-    for Material { surface, opacity, normal_map, roughness_map, .. } in &mut scene.materials {
+    for Material { surface, emission_texture, opacity, normal_map, roughness_map, .. } in &mut scene.materials {
         let of_color = surface.color_mut().map(|color| &mut color.texture);
-        for texture in of_color.into_iter().chain([&mut opacity.texture, normal_map, roughness_map]) {
+        for texture in of_color.into_iter().chain([emission_texture, &mut opacity.texture, normal_map, roughness_map]) {
             let Some(index) = texture.map(|index| index as usize) else { continue };
             if decoded[index].is_none() {
                 let found = decode_texture(&files[index], files, warnings)?;
@@ -340,6 +340,7 @@ fn override_material(name: &str, value: &Value, file: &Path, library: &mut Libra
             named.map(|value| Ok(library.texture(beside(file, value.string()?), holds, &value.place()))).transpose()
         };
         let normal_map = map(MAPS[1], Holds::Normals)?.or(before.normal_map);
+        let emission_texture = map("emission_texture", Holds::Colors)?.or(before.emission_texture);
         let roughness_map = map(MAPS[0], Holds::Roughnesses)?;
         let surface = surface(&table, &before.surface, file, library)?;
         let is_mirror = table.get("type").map(|value| value.string()).transpose()? == Some("mirror");
@@ -357,6 +358,7 @@ fn override_material(name: &str, value: &Value, file: &Path, library: &mut Libra
             surface,
             roughness_map: roughness_map.or(before.roughness_map.filter(|_| keeps_map)),
             emission: table.get("emission").map_or(Ok(before.emission), |value| color(&value))?,
+            emission_texture,
             emits_both_sides: table
                 .get("emits_both_sides")
                 .map_or(Ok(before.emits_both_sides), |value| value.boolean())?,
@@ -375,7 +377,7 @@ fn override_material(name: &str, value: &Value, file: &Path, library: &mut Libra
 }
 
 /// Keys of all surfaces that stand in a scene.
-pub(super) const OF_A_SCENE: [&str; 3] = ["emission", "emits_both_sides", "opacity"];
+pub(super) const OF_A_SCENE: [&str; 4] = ["emission", "emission_texture", "emits_both_sides", "opacity"];
 /// Keys of maps: [`super::SurfaceMaps`]. `neubrdf train` reads them all, a scene all but the last.
 pub(super) const MAPS: [&str; 3] = ["roughness_map", "normal_map", "anisotropy_direction_map"];
 /// What is expected where such a key stands elsewhere.

@@ -36,7 +36,17 @@ impl Scene {
             put(&mut hasher, &matrix3.to_cols_array());
             put(&mut hasher, &translation.to_array());
         }
-        for Material { name: _, surface, emission, emits_both_sides, opacity, normal_map, roughness_map } in materials {
+        for material in materials {
+            let Material {
+                name: _,
+                surface,
+                emission,
+                emission_texture,
+                emits_both_sides,
+                opacity,
+                normal_map,
+                roughness_map,
+            } = material;
             put_surface(&mut hasher, surface);
             put(&mut hasher, &[*emission]);
             put(&mut hasher, &[u8::from(*emits_both_sides)]);
@@ -44,6 +54,10 @@ impl Scene {
                 put(&mut hasher, b"opacity");
                 put(&mut hasher, &[opacity.value]);
                 put(&mut hasher, &opacity.texture.map_or(vec![], |texture| vec![texture]));
+            }
+            if let Some(texture) = emission_texture {
+                put(&mut hasher, b"emission");
+                put(&mut hasher, &[*texture]);
             }
             if let Some(texture) = normal_map {
                 put(&mut hasher, b"normal map");

@@ -7,15 +7,15 @@
 //! closed forms, with `Y` the luminance:
 //!
 //! - a point on an emissive triangle, per unit area:
-//!   [`emitter_density`](LightTable::emitter_density)` · Y(emission) · sides`;
+//!   [`emitter_density`](LightTable::emitter_density)` · Y(emission) · sides`, the emission that of [`Scene::mean_emission`];
 //! - a direction to the environment, per unit solid angle:
 //!   [`environment_density`](LightTable::environment_density)` · Y(radiance)`;
 //! - the sun: the probability [`sun_probability`](LightTable::sun_probability).
 
-use glam::{DVec2, DVec3, Vec3};
+use glam::{DVec2, DVec3, Vec2, Vec3};
 use std::f64::consts::{PI, TAU};
 
-use super::Scene;
+use super::{Mesh, Scene, Texture};
 
 /// Largest radiance and irradiance that a scene may hold, so that sums of them stay finite in `f32`.
 pub(super) const BRIGHTEST: f32 = 1e12;
@@ -84,6 +84,27 @@ pub enum Light {
     },
     /// The sun.
     Sun,
+}
+
+impl Scene {
+    /// What a triangle emits on average, by which it is sampled. Of a texture that is the mean of four places in it, so that a hit can tell as well
+    /// (`texture_mean` of glsl/lib/texture.glsl). Where the texture is black there, but not all over, paths find the light without its being sampled.
+    pub fn mean_emission(&self, mesh: &Mesh, triangle: usize) -> Vec3 {
+        let material = &self.materials[mesh.material(triangle) as usize];
+        let texture = material.emission_texture.map(|texture| &self.textures[texture as usize]);
+        texture
+            .map_or(material.emission, |texture| material.emission * texture_mean(texture, mesh.corner_uvs(triangle)))
+    }
+}
+
+/// The mean of a texture in the middle of a triangle and half-way from there to its corners.
+fn texture_mean(texture: &Texture, [a, b, c]: [Vec2; 3]) -> Vec3 {
+    let middle = (a + b + c) / 3.0;
+    [middle, (middle + a) / 2.0, (middle + b) / 2.0, (middle + c) / 2.0]
+        .map(|uv| texture.sample(uv))
+        .iter()
+        .sum::<Vec3>()
+        / 4.0
 }
 
 /// Rec. 709 luminance.
@@ -160,8 +181,11 @@ impl LightTable {
                     let [a, b, c] = mesh.corners(triangle).map(|p| object_to_world.transform_point3(p).as_dvec3());
                     let area = (b - a).cross(c - a).length() / 2.0;
                     let sides = if material.emits_both_sides { 2.0 } else { 1.0 };
-                    triangles.push([instance as u32, triangle as u32]);
-                    weights.push(f64::from(luminance(material.emission)) * area * sides);
+                    let emission = scene.mean_emission(mesh, triangle);
+                    if emission != Vec3::ZERO {
+                        triangles.push([instance as u32, triangle as u32]);
+                        weights.push(f64::from(luminance(emission)) * area * sides);
+                    }
                 }
             }
         }

@@ -13,6 +13,8 @@ pub struct Material {
     pub surface: Surface,
     /// Emitted radiance, W·sr⁻¹·m⁻², in [0, 10¹²].
     pub emission: Vec3,
+    /// Index into [`super::Scene::textures`] of a texture that multiplies it.
+    pub emission_texture: Option<u32>,
     /// Emits from the back of its triangles too.
     pub emits_both_sides: bool,
     /// How much of it is there. What emits is whole.
@@ -164,6 +166,7 @@ impl Material {
             name: name.into(),
             surface,
             emission: Vec3::ZERO,
+            emission_texture: None,
             emits_both_sides: false,
             opacity: Opacity::WHOLE,
             normal_map: None,
@@ -178,6 +181,7 @@ impl Material {
 
     /// The textures that it looks up: indices into [`super::Scene::textures`].
     pub fn textures(&self) -> impl Iterator<Item = u32> {
-        [self.surface.texture(), self.opacity.texture, self.normal_map, self.roughness_map].into_iter().flatten()
+        let Material { emission_texture, opacity, normal_map, roughness_map, .. } = *self;
+        [self.surface.texture(), emission_texture, opacity.texture, normal_map, roughness_map].into_iter().flatten()
     }
 }

@@ -38,6 +38,11 @@ impl Mesh {
     pub fn corners(&self, triangle: usize) -> [Vec3; 3] {
         self.triangles[triangle].map(|corner| self.positions[corner as usize])
     }
+
+    /// Their texture coordinates; (0, 0) where the mesh has none.
+    pub fn corner_uvs(&self, triangle: usize) -> [Vec2; 3] {
+        self.triangles[triangle].map(|corner| self.uvs.get(corner as usize).copied().unwrap_or(Vec2::ZERO))
+    }
 }
 
 /// Largest magnitude of a coordinate: the squared length of a cross product of edges still fits an `f32`.

@@ -210,7 +210,10 @@ impl Library {
         if 0.0 < metallic && metallic < 1.0 {
             self.warn(place.clone(), format!("Pm {metallic} is taken as {}", metallic.round()));
         }
-        let emission = Vec3::from_array(material.emissive.unwrap_or_default());
+        let glow = material.unknown_param.get("map_Ke");
+        let emission = material.emissive.map(Vec3::from_array);
+        let emission = emission.unwrap_or(if glow.is_some() { Vec3::ONE } else { Vec3::ZERO });
+        let emission_texture = glow.map(|name| self.texture(beside(&place.file, name), Holds::Colors, place));
         let opacity = self.opacity(place, material, matches!(surface, Surface::Dielectric { .. }));
         let is_whole = opacity.is_whole() || emission == Vec3::ZERO;
         if !is_whole {
@@ -223,7 +226,8 @@ impl Library {
         let roughnesses = material.unknown_param.get("map_Pr").filter(|_| surface.takes_roughness_map());
         let roughness_map = roughnesses.map(|name| self.texture(beside(&place.file, name), Holds::Roughnesses, place));
         let name = material.name.clone();
-        Material { name, surface, emission, emits_both_sides: false, opacity, normal_map, roughness_map }
+        let emits_both_sides = false;
+        Material { name, surface, emission, emission_texture, emits_both_sides, opacity, normal_map, roughness_map }
     }
 
     /// What `d` and `map_d` say. Of glass `d` says that one sees through, not that it is not there.
@@ -268,7 +272,7 @@ fn unused_statements(material: &tobj::Material) -> Vec<&str> {
         .unknown_param
         .keys()
         .map(String::as_str)
-        .filter(|name| !["Pr", "map_Pr", "Pm", "aniso", "norm"].contains(name));
+        .filter(|name| !["map_Ke", "Pr", "map_Pr", "Pm", "aniso", "norm"].contains(name));
     maps.chain(others).collect()
 }
 
@@ -324,7 +328,7 @@ fn check(statement: &str, named: bool, out: &mut String) -> Result<Option<String
                 return Err(Fault::new("no file", "the file of a texture"));
             }
             out.push_str(&format!("{keyword} {file}\n"));
-            if ["map_Kd", "map_d", "map_Pr"].contains(&keyword) {
+            if ["map_Kd", "map_Ke", "map_d", "map_Pr"].contains(&keyword) {
                 options.iter().for_each(|option| out.push_str(&format!("{keyword}{option} 1\n")));
             }
         }

@@ -1,0 +1,103 @@
+//! Textures that emit: what is seen of them is their texels, and what they light agrees with Embree, however it is found.
+
+mod common;
+
+use common::*;
+use glam::{Affine3A, Vec2, Vec3};
+use half::f16;
+use neubrdf::image::plane;
+use neubrdf::render::{Options, Sampler, Settings, Traversal};
+use neubrdf::scene::{Color, Environment, Instance, LightTable, Material, Scene, Surface, Texture};
+
+fn texture(width: u32, colors: &[Vec3]) -> Texture {
+    let texel = |color: &Vec3| color.extend(1.0).to_array().map(f16::from_f32);
+    let height = colors.len() as u32 / width;
+    Texture { name: "glow".into(), width, height, texels: colors.iter().map(texel).collect() }
+}
+
+fn glowing(radiance: f32, texture: Option<u32>) -> Material {
+    let emission = Vec3::splat(radiance);
+    Material { emission, emission_texture: texture, ..material("glowing", diffuse(0.3)) }
+}
+
+const BVH: Options = Options { traversal: Some(Traversal::Bvh), pool_paths: None };
+
+#[test]
+fn a_screen_shows_its_texels() {
+    let colors: Vec<Vec3> = (0..16).map(|i| Vec3::new(i as f32 / 15.0, (i % 4) as f32 / 3.0, 0.25)).collect();
+    let view = (Vec3::new(0.0, 0.0, 4.0), Vec3::ZERO);
+    let mut screen = scene(vec![sheet(0.0, 1.0, 0)], vec![glowing(5.0, Some(0))], view.0, view.1, [16, 16]);
+    screen.textures = vec![texture(4, &colors)];
+    // The same as a colour, which a feature channel shows without any light.
+    let mut painting = screen.clone();
+    let albedo = Color { value: Vec3::ONE, texture: Some(0) };
+    let painted = material("painted", Surface::Diffuse { albedo });
+    painting.materials = vec![painted];
+    for name in [LAVAPIPE, SWIFTSHADER] {
+        let Some(driver) = driver(name) else { continue };
+        let settings = Settings { max_depth: 1, sampler: Sampler::Pcg, ..Settings::default() };
+        let shown = render(&driver.device, &screen, &settings, &BVH, 16).rgb(plane::BEAUTY).unwrap();
+        let colors = render(&driver.device, &painting, &settings, &BVH, 16).rgb(plane::ALBEDO).unwrap();
+        for (pixel, (shown, color)) in shown.iter().zip(&colors).enumerate() {
+            let close = (0..3).all(|i| (shown[i] - 5.0 * color[i]).abs() < 1e-4);
+            assert!(close, "{name}, pixel {pixel}: {shown:?}, not 5 × {color:?}");
+        }
+        driver.finish();
+    }
+}
+
+/// A screen that is mirrored, and a ball that is dark but for a few spots, above a floor.
+fn screen_and_spots() -> Scene {
+    let meshes = vec![sheet(0.0, 3.0, 0), sheet(2.0, 0.7, 1), sphere(Vec3::new(-0.9, 0.0, 0.8), 0.5, 24, 2)];
+    let both = Material { emits_both_sides: true, ..glowing(8.0, Some(0)) };
+    let materials = vec![material("floor", diffuse(0.7)), both, glowing(30.0, Some(1))];
+    let mut scene = scene(meshes, materials, Vec3::new(0.0, -4.0, 4.0), Vec3::new(0.0, 0.0, 0.6), [40, 30]);
+    let mirrored = Affine3A::from_scale(Vec3::new(-1.0, 1.0, 1.0));
+    scene.instances[1] = Instance { mesh: 1, object_to_world: mirrored };
+    let stripes: Vec<Vec3> = (0..8).map(|i| Vec3::new((i % 2) as f32, 0.5, i as f32 / 7.0)).collect();
+    let spots: Vec<Vec3> = (0..256).map(|i| Vec3::splat(f32::from(i % 37 == 0))).collect();
+    scene.textures = vec![texture(8, &stripes), texture(16, &spots)];
+    scene.environment = Some(Environment::constant(Vec3::splat(0.05)));
+    scene
+}
+
+#[test]
+fn dark_triangles_are_not_sampled() {
+    let scene = screen_and_spots();
+    let lit = LightTable::new(&scene).triangles.iter().filter(|[instance, _]| *instance == 2).count();
+    let all = scene.meshes[2].triangles.len();
+    assert!(0 < lit && lit < all / 3, "{lit} of {all}");
+    let mean = scene.mean_emission(&scene.meshes[1], 0);
+    assert!((mean.y - 4.0).abs() < 1e-3, "{mean}");
+    let mut without_uvs = scene.clone();
+    without_uvs.meshes[1].uvs = Vec::<Vec2>::new();
+    let expected = 8.0 * scene.textures[0].sample(Vec2::ZERO);
+    assert!((without_uvs.mean_emission(&without_uvs.meshes[1], 0) - expected).length() < 1e-5);
+}
+
+/// By light samples and BSDF samples together, and by the latter alone.
+#[cfg(feature = "embree")]
+#[test]
+fn what_a_texture_lights_agrees_with_embree() {
+    use neubrdf::converge::prove_equal;
+    use neubrdf::reference::{Reference, ReferenceOptions};
+    let scene = screen_and_spots();
+    let options = ReferenceOptions { spp: 512, seed: 1, max_depth: 4, crop: None };
+    let stop = std::sync::atomic::AtomicBool::new(false);
+    let expected = Reference::new(&scene).unwrap().render(&options, |_| {}, &stop).unwrap().0;
+    let settings = Settings { max_depth: 4, sampler: Sampler::Pcg, features: false, ..Settings::default() };
+    for name in [LAVAPIPE, SWIFTSHADER] {
+        let Some(driver) = driver(name) else { continue };
+        let picture = |scene: &Scene, settings: &Settings| render(&driver.device, scene, settings, &BVH, 128);
+        prove_equal(&format!("emission-texture-{name}"), &picture(&scene, &settings), &expected, 1e-3).unwrap();
+        if name == LAVAPIPE {
+            let by_bsdf = Settings { light_sampling: false, ..settings };
+            prove_equal("emission-texture-by-bsdf", &picture(&scene, &by_bsdf), &expected, 1e-3).unwrap();
+            // And it would be seen if the textures were not there.
+            let mut even = scene.clone();
+            even.materials[1].emission_texture = None;
+            assert!(prove_equal("emission-texture-even", &picture(&even, &settings), &expected, 1e-3).is_err());
+        }
+        driver.finish();
+    }
+}
