@@ -48,7 +48,8 @@ bool goes_through(SceneTable scene, Hit hit, vec3 origin, vec3 direction) {
         vec2 uv = has_uvs(mesh) ? uv_of_crossing(mesh, instance, hit.triangle, origin, direction) : vec2(0.0);
         opacity *= texture_color(scene.textures.at[image], uv).r;
     }
-    return hash_of_crossing(hit, origin, direction) >= opacity;
+    // Of a mesh with holes most is whole.
+    return opacity < 1.0 && hash_of_crossing(hit, origin, direction) >= opacity;
 }
 
 #endif

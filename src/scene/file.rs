@@ -341,22 +341,11 @@ fn override_material(name: &str, value: &Value, file: &Path, library: &mut Libra
         };
         let normal_map = map(MAPS[1], Holds::Normals)?.or(before.normal_map);
         let emission_texture = map("emission_texture", Holds::Colors)?.or(before.emission_texture);
-        let roughness_map = map(MAPS[0], Holds::Roughnesses)?;
         let surface = surface(&table, &before.surface, file, library)?;
-        let is_mirror = table.get("type").map(|value| value.string()).transpose()? == Some("mirror");
-        let takes_map = surface.takes_roughness_map() && !is_mirror;
-        let has_roughness = ["roughness", "alpha"].iter().find_map(|key| table.get(key));
-        if let Some(value) = table.get(MAPS[0]).filter(|_| !takes_map) {
-            return Err(value.error("no map of roughness but on a conductor, dielectric or coated surface"));
-        }
-        if let Some(value) = has_roughness.as_ref().filter(|_| roughness_map.is_some()) {
-            return Err(value.error("either a roughness, or a map of it"));
-        }
-        // A roughness of the table counts for more than a map of the MTL file, and so does another kind of surface.
-        let keeps_map = has_roughness.is_none() && takes_map && discriminant(&surface) == discriminant(&before.surface);
+        let roughness_map = roughness_map(&table, &surface, &before, file, library)?;
         library.materials[index] = Material {
             surface,
-            roughness_map: roughness_map.or(before.roughness_map.filter(|_| keeps_map)),
+            roughness_map,
             emission: table.get("emission").map_or(Ok(before.emission), |value| color(&value))?,
             emission_texture,
             emits_both_sides: table
@@ -374,6 +363,31 @@ fn override_material(name: &str, value: &Value, file: &Path, library: &mut Libra
         library.undefined.retain(|(undefined, _)| *undefined as usize != index);
     }
     Ok(())
+}
+
+/// The map of roughness of a material whose surface a table has changed. A roughness of the table counts for more than a map of the MTL
+/// file, and so does another kind of surface.
+fn roughness_map(
+    table: &Table,
+    surface: &Surface,
+    before: &Material,
+    file: &Path,
+    library: &mut Library,
+) -> Result<Option<u32>, Error> {
+    let is_mirror = table.get("type").map(|value| value.string()).transpose()? == Some("mirror");
+    let takes_map = surface.takes_roughness_map() && !is_mirror;
+    let has_roughness = table.has("roughness") || table.has("alpha");
+    let Some(value) = table.get(MAPS[0]) else {
+        let keeps = takes_map && !has_roughness && discriminant(surface) == discriminant(&before.surface);
+        return Ok(before.roughness_map.filter(|_| keeps));
+    };
+    if !takes_map {
+        return Err(value.error("no map of roughness but on a conductor, dielectric or coated surface"));
+    }
+    if has_roughness {
+        return Err(value.error("either a roughness, or a map of it"));
+    }
+    Ok(Some(library.texture(beside(file, value.string()?), Holds::Roughnesses, &value.place())))
 }
 
 /// Keys of all surfaces that stand in a scene.

@@ -3,10 +3,11 @@
 use std::sync::Arc;
 
 use glam::{Affine3A, Quat, Vec3};
+use half::f16;
 use neubrdf::plugin::{Change, Options, Renderer, Update};
 use neubrdf::render::bvh::Bvh;
-use neubrdf::render::{Features, Sampler, Settings};
-use neubrdf::scene::{Brdf, Camera, Environment, Instance, Lens, Material, Mesh, Scene, Sun, Surface};
+use neubrdf::render::{Family, Features, Sampler, Settings};
+use neubrdf::scene::{Brdf, Camera, Color, Environment, Instance, Lens, Material, Mesh, Scene, Sun, Surface, Texture};
 
 use crate::common;
 use crate::common::random_neubrdf::{Shape, random_neubrdf};
@@ -197,6 +198,48 @@ fn holes_may_come_and_go() {
         lamp.opacity.value = 0.5;
         let error = renderer.update(&[Change::Material { index: 2, material: lamp }]).unwrap_err();
         assert!(error.to_string().contains("as it emits"), "{error}");
+    });
+}
+
+#[test]
+fn maps_of_roughness_and_emission_may_come_and_go() {
+    in_lavapipe_hosts(|host| {
+        let device = host.lend();
+        let mut now = scene();
+        let texel = |i: u8| [f32::from(i % 3) / 2.0, f32::from(i % 4) / 3.0, 0.5, 1.0].map(f16::from_f32);
+        let texels = (0..16).map(texel).collect();
+        now.textures = vec![Texture { name: "map".into(), width: 4, height: 4, texels }];
+        let albedo = Color::constant(Vec3::new(0.2, 0.4, 0.6));
+        let coat = Surface::Coated { albedo, ior: 1.5, alpha: 0.1 };
+        let families = 1 << Family::Coated as u32 | 1 << Family::Conductor as u32;
+        let none = Features { families, ..Features::NONE };
+        let reserve = Features { roughness_maps: true, emission_maps: true, textures: true, ..none };
+        let mut renderer = Renderer::new(&device, now.clone(), &Options { reserve, ..options_of(host) }).unwrap();
+        let mut unprepared = Renderer::new(&device, now.clone(), &options_of(host)).unwrap();
+        let before = frame(host, &device, &mut renderer, 2).0;
+        let metal = common::conductor(0.5, 0.05);
+        for (index, surface, is_mapped) in [
+            (1, coat.clone(), true),
+            (1, metal.clone(), true),
+            (1, coat, false),
+            (2, common::diffuse(0.0), true),
+            (2, common::diffuse(0.0), false),
+            (1, metal, false),
+        ] {
+            let map = is_mapped.then_some(0);
+            let material = &mut now.materials[index];
+            material.roughness_map = map.filter(|_| surface.takes_roughness_map());
+            material.emission_texture = map.filter(|_| material.is_emissive());
+            material.surface = surface;
+            let change = [Change::Material { index: index as u32, material: material.clone() }];
+            renderer.update(&change).unwrap();
+            let picture = frame(host, &device, &mut renderer, 2).0;
+            assert!(picture == expected(host, &now, 2), "{:?}", now.materials[index]);
+            assert!(picture != before);
+            if is_mapped {
+                assert!(unprepared.update(&change).is_err());
+            }
+        }
     });
 }
 
