@@ -525,23 +525,33 @@ fn opacities_are_alphas_or_brightnesses() {
     assert_eq!(scene.textures[albedo.texture.unwrap() as usize].texels[1][0].to_f32(), 1.0);
 }
 
-/// What is called a bump map holds normals, or heights, which are left out with a warning, as is a file that cannot be read.
+/// What is called a bump map holds normals, or heights; one that cannot be read is left out with a warning.
 #[test]
-fn bump_maps_may_hold_normals() {
+fn bump_maps_may_hold_normals_or_heights() {
     let obj = "mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nusemtl a\nf 1/1 2/1 3/1\nusemtl b\nf 1/1 2/1 3/1\nusemtl c\nf 1/1 2/1 3/1\nusemtl d\nf 1/1 2/1 3/1\n";
-    let mtl = "newmtl a\nmap_Bump -bm 1.0 normals.png\nnewmtl b\nbump heights.png\nnewmtl c\nnorm normals.tga\nnewmtl d\nmap_bump none.tif\n";
+    let mtl = "newmtl a\nmap_Bump -bm 1.0 normals.png\nnewmtl b\nbump -bm 2 heights.png\nnewmtl c\nnorm normals.tga\nnewmtl d\nmap_bump none.tif\n";
     let toml = format!("[[mesh]]\nfile = 'a.obj'\n[material.b]\n{SKY}");
     let folder = Folder::new(&[("a.obj", obj), ("a.mtl", mtl), ("s.toml", &toml)]);
     let normals = image::RgbImage::from_fn(2, 1, |x, _| image::Rgb([128 + x as u8, 128, 255]));
     ["normals.png", "normals.tga"].iter().for_each(|name| normals.save(folder.path(name)).unwrap());
-    image::GrayImage::from_fn(2, 1, |x, _| image::Luma([90 * x as u8])).save(folder.path("heights.png")).unwrap();
+    let heights = image::GrayImage::from_fn(4, 4, |x, y| image::Luma([51 * (x + u32::from(y == 1)) as u8]));
+    heights.save(folder.path("heights.png")).unwrap();
     let (scene, warnings) = folder.load("s.toml").unwrap();
     let map = |index: usize| scene.materials[index].normal_map;
-    assert!(map(0).is_some() && map(1).is_none() && map(2).is_some() && map(3).is_none());
+    assert!(map(0).is_some() && map(1).is_some() && map(2).is_some() && map(3).is_none());
     let texels = |index: usize| &scene.textures[map(index).unwrap() as usize].texels;
     assert!(texels(0) == texels(2) && texels(0)[1][0] == f16::from_f32(129.0 / 255.0), "as it is written");
+    // White is 2 texels above black: along u it rises by 0.4 a texel, and from the row below row 1 to that by half as much.
+    let normal = |x: usize, y: usize| {
+        let [x, y, z, _] = texels(1)[4 * y + x].map(f16::to_f32);
+        2.0 * Vec3::new(x, y, z) - 1.0
+    };
+    for (x, y, slope) in [(1, 3, [0.4, 0.0]), (1, 2, [0.4, 0.2]), (2, 0, [0.4, -0.2]), (0, 3, [-0.4, 0.0])] {
+        let expected = Vec3::new(-slope[0], -slope[1], 1.0).normalize();
+        assert!((normal(x, y) - expected).length() < 2e-3, "({x}, {y}): {}, not {expected}", normal(x, y));
+    }
     let warnings: Vec<String> = warnings.iter().map(Warning::to_string).collect();
-    for part in ["heights.png: it holds heights", "none.tif: no bumps"] {
+    for part in ["heights.png: it holds heights: white is taken to be 2 texels", "none.tif: no bumps"] {
         assert_eq!(warnings.iter().filter(|warning| warning.contains(part)).count(), 1, "{part}: {warnings:?}");
     }
     assert_eq!(warnings.len(), 2, "{warnings:?}");

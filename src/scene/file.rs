@@ -190,15 +190,20 @@ fn decode_texture(
         }
         Holds::Opacities => decode::opacity(path, named_by, warnings).map(Some),
         Holds::Normals | Holds::Roughnesses => decode::numbers(path, named_by, warnings).map(Some),
-        Holds::Bumps => {
-            let found = decode::numbers(path, named_by, warnings);
-            let normals = found.as_ref().is_ok_and(Texture::holds_normals);
-            warnings.extend((!normals).then(|| match &found {
-                Ok(_) => warn("it holds heights, not normals: no bumps are made of it".into()),
-                Err(error) => warn(format!("no bumps are made of it: {error}")),
-            }));
-            Ok(found.ok().filter(|_| normals))
-        }
+        Holds::Bumps(height) => match decode::numbers(path, named_by, warnings) {
+            Ok(texture) if texture.holds_normals() => Ok(Some(texture)),
+            Ok(texture) => {
+                warnings.push(warn(format!(
+                    "it holds heights: white is taken to be {} texels above black (`-bm`)",
+                    height.0
+                )));
+                Ok(Some(texture.normals_of_heights(height.0)))
+            }
+            Err(error) => {
+                warnings.push(warn(format!("no bumps are made of it: {error}")));
+                Ok(None)
+            }
+        },
     }
 }
 

@@ -45,9 +45,15 @@ pub(super) enum Holds {
     Opacities,
     Normals,
     Roughnesses,
-    /// Normals, as most that is called a bump map, or heights.
-    Bumps,
+    /// Normals, as most that is called a bump map; or heights, and how far white is above black, in texels.
+    Bumps(Height),
 }
+
+/// A number that is not NaN, so that it can be told from others.
+#[derive(Clone, Copy, PartialEq)]
+pub(super) struct Height(pub f32);
+
+impl Eq for Height {}
 
 /// A material of an MTL file.
 #[derive(Clone)]
@@ -221,7 +227,8 @@ impl Library {
         }
         let opacity = if is_whole { opacity } else { Opacity::WHOLE };
         let normals = material.unknown_param.get("norm").map(|text| (split_options(text).1, Holds::Normals));
-        let bumps = material.normal_texture.as_ref().map(|name| (name.as_str(), Holds::Bumps));
+        let height = Height(parameter("bump-bm").unwrap_or(1.0));
+        let bumps = material.normal_texture.as_ref().map(|name| (name.as_str(), Holds::Bumps(height)));
         let normal_map = normals.or(bumps).map(|(name, holds)| self.texture(beside(&place.file, name), holds, place));
         let roughnesses = material.unknown_param.get("map_Pr").filter(|_| surface.takes_roughness_map());
         let roughness_map = roughnesses.map(|name| self.texture(beside(&place.file, name), Holds::Roughnesses, place));
@@ -272,7 +279,7 @@ fn unused_statements(material: &tobj::Material) -> Vec<&str> {
         .unknown_param
         .keys()
         .map(String::as_str)
-        .filter(|name| !["map_Ke", "Pr", "map_Pr", "Pm", "aniso", "norm"].contains(name));
+        .filter(|name| !["map_Ke", "Pr", "map_Pr", "Pm", "aniso", "norm", "bump-bm"].contains(name));
     maps.chain(others).collect()
 }
 
@@ -328,6 +335,11 @@ fn check(statement: &str, named: bool, out: &mut String) -> Result<Option<String
                 return Err(Fault::new("no file", "the file of a texture"));
             }
             out.push_str(&format!("{keyword} {file}\n"));
+            if let Some(height) =
+                bump_multiplier(rest).filter(|_| ["bump", "map_bump"].contains(&keyword.to_ascii_lowercase().as_str()))
+            {
+                out.push_str(&format!("bump-bm {height}\n"));
+            }
             if ["map_Kd", "map_Ke", "map_d", "map_Pr"].contains(&keyword) {
                 options.iter().for_each(|option| out.push_str(&format!("{keyword}{option} 1\n")));
             }
@@ -343,6 +355,12 @@ fn check(statement: &str, named: bool, out: &mut String) -> Result<Option<String
 fn non_negative<'a>(words: &mut impl Iterator<Item = &'a str>) -> Result<f32, Fault> {
     let value = number(words)?;
     if value >= 0.0 { Ok(value) } else { Err(Fault::new(value.to_string(), "a number of at least 0")) }
+}
+
+/// What option `-bm` says, in [−1000, 1000].
+fn bump_multiplier(text: &str) -> Option<f32> {
+    let number = text.split_whitespace().skip_while(|word| *word != "-bm").nth(1)?.parse::<f32>().ok()?;
+    number.is_finite().then(|| number.clamp(-1e3, 1e3))
 }
 
 /// Splits `-s 1 1 1 -clamp on name.png` into the options' names and the file's, which may hold spaces.

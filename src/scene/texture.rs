@@ -17,14 +17,32 @@ pub struct Texture {
 }
 
 impl Texture {
-    /// Whether nearly all texels are unit vectors that point outwards, each component from −1 (0 in the texture) to 1.
+    /// Whether nearly all texels are unit vectors that point outwards, each component from −1 (0 in the texture) to 1, and not grey.
     pub fn holds_normals(&self) -> bool {
         let is_normal = |[x, y, z, _]: &[f16; 4]| {
             let normal = 2.0 * Vec3::new(x.to_f32(), y.to_f32(), z.to_f32()) - 1.0;
-            normal.z > 0.0 && (normal.length() - 1.0).abs() < 0.1
+            normal.z > 0.0 && x != z && (normal.length() - 1.0).abs() < 0.1
         };
         let count = self.texels.iter().filter(|texel| is_normal(texel)).count();
         10 * count >= 9 * self.texels.len()
+    }
+
+    /// The normals of a surface of heights (the mean of a texel's colour): from 0 at black to `highest` at white, in texels. By central differences.
+    pub fn normals_of_heights(&self, highest: f32) -> Texture {
+        let [width, height] = [self.width as usize, self.height as usize];
+        let at = |x: usize, y: usize| {
+            let [red, green, blue, _] = self.texels[y % height * width + x % width].map(f16::to_f32);
+            highest * (red + green + blue) / 3.0
+        };
+        let texels = (0..width * height).map(|index| {
+            let (x, y) = (index % width, index / width);
+            let along_u = (at(x + 1, y) - at(x + width - 1, y)) / 2.0;
+            // Rows run down, v up.
+            let along_v = (at(x, y + height - 1) - at(x, y + 1)) / 2.0;
+            let normal = Vec3::new(-along_u, -along_v, 1.0).normalize();
+            (0.5 + 0.5 * normal).extend(1.0).to_array().map(f16::from_f32)
+        });
+        Texture { texels: texels.collect(), ..self.clone() }
     }
 
     /// The bilinearly interpolated colour at a texture coordinate (texel centres at half-integers).
