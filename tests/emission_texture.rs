@@ -75,6 +75,29 @@ fn dark_triangles_are_not_sampled() {
     assert!((without_uvs.mean_emission(&without_uvs.meshes[1], 0) - expected).length() < 1e-5);
 }
 
+/// One texel of a screen shines, where none of the places is by which its triangles are sampled; or none at all.
+#[test]
+fn what_is_not_worth_sampling_is_found() {
+    let mut screen =
+        scene(vec![sheet(0.0, 1.0, 0)], vec![glowing(5.0, Some(0))], Vec3::new(0.0, 0.0, 4.0), Vec3::ZERO, [16, 16]);
+    for name in [LAVAPIPE, SWIFTSHADER] {
+        let Some(driver) = driver(name) else { continue };
+        for (bright, depth) in [(Some(17), 1), (Some(17), 3), (None, 3)] {
+            screen.textures =
+                vec![texture(16, &(0..256).map(|i| Vec3::splat(f32::from(Some(i) == bright))).collect::<Vec<_>>())];
+            assert!(LightTable::new(&screen).triangles.is_empty());
+            let settings = Settings { max_depth: depth, sampler: Sampler::Pcg, ..Settings::default() };
+            let shown = render(&driver.device, &screen, &settings, &BVH, 512).rgb(plane::BEAUTY).unwrap();
+            // A bilinear texel of radiance 5 is as much as one whole texel.
+            let mean = shown.iter().map(|pixel| pixel[1]).sum::<f32>() / 256.0;
+            let share = (1.0 / (4.0 * 20f32.to_radians().tan())).powi(2);
+            let expected = if bright.is_some() { 5.0 / 256.0 * share } else { 0.0 };
+            assert!((mean - expected).abs() <= 0.15 * expected, "{name}, depth {depth}: {mean}, not {expected}");
+        }
+        driver.finish();
+    }
+}
+
 /// By light samples and BSDF samples together, and by the latter alone.
 #[cfg(feature = "embree")]
 #[test]

@@ -193,7 +193,10 @@ impl Lights {
     /// The density, per unit solid angle, with which [`Lights::sample`] picks a point of an emitter of a material, seen at an angle of
     /// `cosine` to its normal.
     pub fn emitter_pdf(&self, material: u32, distance_squared: f64, cosine: f64) -> f64 {
-        self.share() * self.weights[material as usize] / total(&self.emitted) * distance_squared / cosine.abs()
+        let emitted = total(&self.emitted);
+        // Textures may be black all over.
+        let per_area = if emitted > 0.0 { self.share() * self.weights[material as usize] / emitted } else { 0.0 };
+        per_area * distance_squared / cosine.abs()
     }
 
     /// The density, per unit solid angle, with which [`Lights::sample`] picks a direction that `radiance` comes from.

@@ -3,13 +3,14 @@
 use std::sync::Arc;
 
 use glam::{Affine3A, Vec3};
+use half::f16;
 
 use super::error::Error;
 use super::material_record::{Family, family};
 use super::neubrdf_table::neubrdf_queues;
 use super::settings::{Settings, Traversal};
 use crate::gpu::{self, Device, Kernel};
-use crate::scene::{Brdf, LightTable, Scene, Surface};
+use crate::scene::{Brdf, LightTable, Material, Scene, Surface};
 
 /// A kernel of the wavefront by the name of its source, with its specialization constants (id, value).
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -64,7 +65,8 @@ impl Features {
         Features {
             families: used().fold(0, |mask, material| mask | 1 << family(&material.surface, &scene.brdfs) as u32),
             neubrdf_queues: neubrdf_queues(&scene.brdfs),
-            emitters: !lights.is_empty() && !lights.triangles.is_empty(),
+            emitters: !lights.is_empty() && !lights.triangles.is_empty()
+                || used().any(|material| glows(material, scene)),
             environment: lights.environment_texels > 0,
             sun: scene.sun.is_some_and(|sun| sun.irradiance != Vec3::ZERO),
             textures: used().any(|material| material.textures().next().is_some()),
@@ -197,6 +199,13 @@ impl Features {
         .chain([samples_lights.then_some(shadow), Some("resolve"), Some("estimate_error")]);
         names.flatten().map(|name| KernelPlan { name, specialization: common.to_vec() }).collect()
     }
+}
+
+/// Whether a material emits by a texture that is not black: paths find that also where no triangle is worth sampling.
+fn glows(material: &Material, scene: &Scene) -> bool {
+    let is_black =
+        |texture: u32| scene.textures[texture as usize].texels.iter().all(|texel| texel[..3] == [f16::ZERO; 3]);
+    material.is_emissive() && material.emission_texture.is_some_and(|texture| !is_black(texture))
 }
 
 fn is_spatial(surface: &Surface, brdfs: &[Arc<Brdf>]) -> bool {
