@@ -151,6 +151,34 @@ pub fn render(device: &Arc<Device>, scene: &Scene, settings: &Settings, options:
     renderer.picture().unwrap().0
 }
 
+/// What Embree sees of a scene is what the BVH on both drivers renders; and it would be seen if the scene were `another`.
+#[cfg(feature = "embree")]
+pub fn agrees_with_embree(
+    title: &str,
+    scene: &Scene,
+    another: &Scene,
+    settings: &Settings,
+    [of_reference, samples]: [u32; 2],
+) {
+    use neubrdf::converge::prove_equal;
+    use neubrdf::reference::{Reference, ReferenceOptions};
+    let options = ReferenceOptions { spp: of_reference, seed: 1, max_depth: settings.max_depth, crop: None };
+    let stop = std::sync::atomic::AtomicBool::new(false);
+    let expected = Reference::new(scene).unwrap().render(&options, |_| {}, &stop).unwrap().0;
+    let bvh = Options { traversal: Some(Traversal::Bvh), pool_paths: None };
+    for name in [LAVAPIPE, SWIFTSHADER] {
+        let Some(driver) = driver(name) else { continue };
+        let proved = |title: &str, scene: &Scene| {
+            prove_equal(title, &render(&driver.device, scene, settings, &bvh, samples), &expected, 1e-3)
+        };
+        proved(&format!("{title}-{name}"), scene).unwrap();
+        if name == LAVAPIPE {
+            assert!(proved(&format!("{title}-another"), another).is_err());
+        }
+        driver.finish();
+    }
+}
+
 /// The beauty's bits.
 pub fn bits(picture: &Picture) -> Vec<[u32; 3]> {
     picture.rgb(plane::BEAUTY).unwrap().iter().map(|pixel| pixel.map(f32::to_bits)).collect()
