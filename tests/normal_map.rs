@@ -7,7 +7,7 @@ use glam::{Affine3A, Mat3, Vec2, Vec3};
 use half::f16;
 use neubrdf::image::plane;
 use neubrdf::render::{Options, Sampler, Settings, Traversal};
-use neubrdf::scene::{Color, Environment, Instance, Material, Scene, Sun, Surface, Texture};
+use neubrdf::scene::{Color, Instance, Material, Scene, Sun, Surface, Texture};
 
 /// The map of these vectors.
 fn map(width: u32, normals: &[Vec3]) -> Texture {
@@ -79,22 +79,9 @@ fn ripples_agree_with_embree() {
     let normals: Vec<Vec3> = (0..256).map(ripple).collect();
     let coat = Surface::Coated { albedo: Color::constant(Vec3::new(0.6, 0.3, 0.2)), ior: 1.5, alpha: 0.2 };
     let glass = Surface::Dielectric { ior: 1.5, alpha: 0.2 };
-    let mut scene = scene(
-        vec![
-            sheet(0.0, 3.0, 0),
-            sphere(Vec3::new(-0.9, 0.0, 0.8), 0.7, 32, 1),
-            sphere(Vec3::new(0.9, 0.5, 0.8), 0.5, 32, 2),
-        ],
-        vec![mapped(conductor(0.7, 0.3)), mapped(coat), mapped(glass)],
-        Vec3::new(0.0, -3.0, 5.0),
-        Vec3::new(0.0, 0.0, 0.5),
-        [40, 30],
-    );
+    let materials = [conductor(0.7, 0.3), coat, glass].map(mapped);
+    let mut scene = floor_and_balls(materials.to_vec(), map(16, &normals));
     scene.instances[0].object_to_world = Affine3A::from_scale(Vec3::new(-1.0, 1.0, 1.0));
-    scene.textures = vec![map(16, &normals)];
-    scene.environment = Some(Environment { width: 4, height: 2, ..Environment::constant(Vec3::ONE) });
-    scene.environment.as_mut().unwrap().texels = (0..8).map(|i| Vec3::splat(0.2 + 0.3 * (i % 3) as f32)).collect();
-    scene.sun = Some(Sun { direction: Vec3::new(0.5, 0.2, 0.8).normalize(), irradiance: Vec3::splat(1.5) });
     let mut flat = scene.clone();
     flat.materials.iter_mut().for_each(|material| material.normal_map = None);
     let settings = Settings { max_depth: 6, sampler: Sampler::Pcg, features: false, ..Settings::default() };

@@ -7,7 +7,7 @@ use glam::{Vec2, Vec3};
 use half::f16;
 use neubrdf::image::plane;
 use neubrdf::render::{Options, Sampler, Settings, Traversal};
-use neubrdf::scene::{Color, Environment, Fresnel, Material, Scene, Sun, Surface, Texture};
+use neubrdf::scene::{Color, Fresnel, Material, Surface, Texture};
 
 /// The map of these roughnesses along u and v.
 fn map(width: u32, roughnesses: &[Vec2]) -> Texture {
@@ -25,22 +25,6 @@ fn coat(albedo: Vec3, alpha: f32) -> Surface {
 }
 
 const GLASS: Surface = Surface::Dielectric { ior: 1.5, alpha: 0.0 };
-
-/// A metal floor and two balls, a coated one and one of glass, under a sky and a sun.
-fn floor_and_balls(materials: Vec<Material>, roughnesses: Texture) -> Scene {
-    let meshes = vec![
-        sheet(0.0, 3.0, 0),
-        sphere(Vec3::new(-0.9, 0.0, 0.8), 0.7, 32, 1),
-        sphere(Vec3::new(0.9, 0.5, 0.8), 0.5, 32, 2),
-    ];
-    let mut scene = scene(meshes, materials, Vec3::new(0.0, -3.0, 5.0), Vec3::new(0.0, 0.0, 0.5), [40, 30]);
-    scene.textures = vec![roughnesses];
-    let mut sky = Environment { width: 4, height: 2, ..Environment::constant(Vec3::ONE) };
-    sky.texels = (0..8).map(|i| Vec3::splat(0.2 + 0.3 * (i % 3) as f32)).collect();
-    scene.environment = Some(sky);
-    scene.sun = Some(Sun { direction: Vec3::new(0.5, 0.2, 0.8).normalize(), irradiance: Vec3::splat(1.5) });
-    scene
-}
 
 /// What differs from the surface's own α by nothing but rounding (a coat: by its table) looks the same.
 #[test]

@@ -204,25 +204,12 @@ roughness = 0.35
         "# Networks that learned what layered.toml simulates.",
         ["paint_blue", "varnish_amber", "lacquer_black"].map(trained),
     );
-    let study = "\
-# How much faster networks are than the walks that they learned: `make study-layered`.
-depth = 6
-size = [128, 128]
-spp = [4, 16, 64, 256]
-repetitions = 3
-reference_spp = 1024
-targets = [3e-2, 1e-2, 3e-3]
-clock = \"cpu\"
-
-[[scene]]
-file = \"layered.toml\"
-[scene.models]
-neural = \"layered_neural.toml\"
-
-[[methods]]
-traversal = [\"bvh\"]
-model = [\"truth\", \"neural\"]
-";
+    let study = study(
+        "How much faster networks are than the walks that they learned: `make study-layered`.",
+        [128, 128],
+        &[4, 16, 64, 256],
+        ["layered.toml", "layered_neural.toml"],
+    );
     save(
         folder,
         &[
@@ -230,7 +217,7 @@ model = [\"truth\", \"neural\"]
             ("neural.toml", &neural),
             ("layered.toml", &layered),
             ("layered_neural.toml", &layered_neural),
-            ("layered_study.toml", study),
+            ("layered_study.toml", &study),
             ("preview.mtl", mtl),
             ("preview.obj", &obj.text),
         ],
@@ -623,29 +610,16 @@ radiance = [0.3, 0.32, 0.36]
 # Tiles under a glaze that bulges, with rough grout between them: what glaze.neubrdf has learned. Made by examples/make_scenes.
 {tiles}"
     );
-    let study = "\
-# How far the neural tiles are from the maps that they learned: `make study-mosaic`.
-depth = 6
-size = [120, 90]
-spp = [16, 64, 256]
-repetitions = 3
-reference_spp = 1024
-targets = [3e-2, 1e-2, 3e-3]
-clock = \"cpu\"
-
-[[scene]]
-file = \"truth.toml\"
-[scene.models]
-neural = \"scene.toml\"
-
-[[methods]]
-traversal = [\"bvh\"]
-model = [\"truth\", \"neural\"]
-";
+    let study = study(
+        "How far the neural tiles are from the maps that they learned: `make study-mosaic`.",
+        [120, 90],
+        &[16, 64, 256],
+        ["truth.toml", "scene.toml"],
+    );
     let files = [
         ("scene.toml", neural.as_str()),
         ("truth.toml", &truth),
-        ("study.toml", study),
+        ("study.toml", &study),
         ("mosaic.mtl", mtl),
         ("mosaic.obj", &obj.text),
         ("glaze.toml", &glaze),
@@ -689,6 +663,31 @@ impl Tile {
 }
 
 // ----------------------------------------------------------------------------------------------------------- files
+
+/// A study of a scene beside the same in networks that learned its materials.
+fn study(title: &str, size: [u32; 2], spp: &[u32], [truth, neural]: [&str; 2]) -> String {
+    format!(
+        "\
+# {title}
+depth = 6
+size = {size:?}
+spp = {spp:?}
+repetitions = 3
+reference_spp = 1024
+targets = [3e-2, 1e-2, 3e-3]
+clock = \"cpu\"
+
+[[scene]]
+file = \"{truth}\"
+[scene.models]
+neural = \"{neural}\"
+
+[[methods]]
+traversal = [\"bvh\"]
+model = [\"truth\", \"neural\"]
+"
+    )
+}
 
 fn save(folder: &Path, files: &[(&str, &str)]) -> Outcome {
     fs::create_dir_all(folder)?;

@@ -144,22 +144,22 @@ impl<'a> SurfacePoint<'a> {
         let edges = [v1 - v0, v2 - v0].map(|edge| placement.vector(edge));
         let uv_density = uv_density(edges, uvs.map(|[a, b, c]| [b - a, c - a]));
 
+        let sample = |texture: u32| scene.textures[texture as usize].sample(uv.as_vec2());
         let material_index = mesh.material(triangle);
         let material = &scene.materials[material_index as usize];
         let reflectance = color(&material.surface);
         let mut surface_color = reflectance.value.as_dvec3();
         if let Some(texture) = reflectance.texture {
-            surface_color *= scene.textures[texture as usize].sample(uv.as_vec2()).as_dvec3();
+            surface_color *= sample(texture).as_dvec3();
         }
 
         let mut emission = material.emission.as_dvec3();
         if let Some(texture) = material.emission_texture {
-            emission *= scene.textures[texture as usize].sample(uv.as_vec2()).as_dvec3();
+            emission *= sample(texture).as_dvec3();
         }
 
         let shading = material.normal_map.map_or(interpolated, |map| {
-            let texel = scene.textures[map as usize].sample(uv.as_vec2()).as_dvec3();
-            mapped_normal(texel, interpolated.normalize_or(geometric), derivatives)
+            mapped_normal(sample(map).as_dvec3(), interpolated.normalize_or(geometric), derivatives)
         });
 
         let wo = -direction;
@@ -173,7 +173,7 @@ impl<'a> SurfacePoint<'a> {
             material,
             color: surface_color,
             emission,
-            roughness: material.roughness_map.map(|map| scene.textures[map as usize].sample(uv.as_vec2()).truncate()),
+            roughness: material.roughness_map.map(|map| sample(map).truncate()),
             uv,
             uv_density,
         })

@@ -342,7 +342,7 @@ fn override_material(name: &str, value: &Value, file: &Path, library: &mut Libra
         let color = |color: &Value| color.color(0.0, BRIGHTEST);
         let mut map = |key: &str, holds: Holds| {
             let named = table.get(key);
-            named.map(|value| Ok(library.texture(beside(file, value.string()?), holds, &value.place()))).transpose()
+            named.map(|value| texture(&value, holds, file, library)).transpose()
         };
         let normal_map = map(MAPS[1], Holds::Normals)?.or(before.normal_map);
         let emission_texture = map("emission_texture", Holds::Colors)?.or(before.emission_texture);
@@ -370,6 +370,11 @@ fn override_material(name: &str, value: &Value, file: &Path, library: &mut Libra
     Ok(())
 }
 
+/// The number of the texture that a value names.
+fn texture(value: &Value, holds: Holds, file: &Path, library: &mut Library) -> Result<u32, Error> {
+    Ok(library.texture(beside(file, value.string()?), holds, &value.place()))
+}
+
 /// The map of roughness of a material whose surface a table has changed. A roughness of the table counts for more than a map of the MTL
 /// file, and so does another kind of surface.
 fn roughness_map(
@@ -392,7 +397,7 @@ fn roughness_map(
     if has_roughness {
         return Err(value.error("either a roughness, or a map of it"));
     }
-    Ok(Some(library.texture(beside(file, value.string()?), Holds::Roughnesses, &value.place())))
+    texture(&value, Holds::Roughnesses, file, library).map(Some)
 }
 
 /// Keys of all surfaces that stand in a scene.
@@ -525,7 +530,7 @@ fn color(table: &Table, key: &str, before: Option<Color>, file: &Path, library: 
     match table.get("texture") {
         Some(texture) => Ok(Color {
             value: value.unwrap_or(Vec3::ONE),
-            texture: Some(library.texture(beside(file, texture.string()?), Holds::Colors, &texture.place())),
+            texture: Some(self::texture(&texture, Holds::Colors, file, library)?),
         }),
         None => match value {
             Some(value) => Ok(Color::constant(value)),

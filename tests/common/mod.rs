@@ -16,7 +16,9 @@ use glam::{Affine3A, Vec2, Vec3};
 use neubrdf::gpu::{Buffer, Commands, Device, DeviceChoice, Instance, Kernel, Memory, Validation};
 use neubrdf::image::{Picture, plane};
 use neubrdf::render::{Limits, Options, Renderer, Settings, Traversal, run};
-use neubrdf::scene::{Camera, Color, Environment, Film, Fresnel, Instance as Placed, Material, Mesh, Scene, Surface};
+use neubrdf::scene::{
+    Camera, Color, Environment, Film, Fresnel, Instance as Placed, Material, Mesh, Scene, Sun, Surface, Texture,
+};
 
 /// The names by which the two CPU drivers are found.
 pub const LAVAPIPE: &str = "llvmpipe";
@@ -149,6 +151,22 @@ pub fn render(device: &Arc<Device>, scene: &Scene, settings: &Settings, options:
     run(&mut renderer, &limits, |_, _| std::ops::ControlFlow::Continue(())).unwrap();
     assert_eq!(renderer.rejected_samples().unwrap(), 0, "samples that are not finite");
     renderer.picture().unwrap().0
+}
+
+/// A floor and two balls, of three materials that a texture may vary, under a sky and a sun.
+pub fn floor_and_balls(materials: Vec<Material>, texture: Texture) -> Scene {
+    let meshes = vec![
+        sheet(0.0, 3.0, 0),
+        sphere(Vec3::new(-0.9, 0.0, 0.8), 0.7, 32, 1),
+        sphere(Vec3::new(0.9, 0.5, 0.8), 0.5, 32, 2),
+    ];
+    let mut scene = scene(meshes, materials, Vec3::new(0.0, -3.0, 5.0), Vec3::new(0.0, 0.0, 0.5), [40, 30]);
+    scene.textures = vec![texture];
+    let mut sky = Environment { width: 4, height: 2, ..Environment::constant(Vec3::ONE) };
+    sky.texels = (0..8).map(|i| Vec3::splat(0.2 + 0.3 * (i % 3) as f32)).collect();
+    scene.environment = Some(sky);
+    scene.sun = Some(Sun { direction: Vec3::new(0.5, 0.2, 0.8).normalize(), irradiance: Vec3::splat(1.5) });
+    scene
 }
 
 /// What Embree sees of a scene is what the BVH on both drivers renders; and it would be seen if the scene were `another`.
