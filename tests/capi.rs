@@ -11,7 +11,7 @@ use common::*;
 use glam::{Affine3A, Quat, Vec2, Vec3};
 use neubrdf::render::{Options, Settings};
 use neubrdf::scene::brdf::Precision;
-use neubrdf::scene::{Color, Environment, Film, Instance, Mesh, Scene, Sun, Surface, Texture};
+use neubrdf::scene::{Color, Environment, Film, Instance, Mesh, Scene, Sun, Surface, Texture, TexturePlacement};
 
 const ROOT: &str = env!("CARGO_MANIFEST_DIR");
 
@@ -168,12 +168,8 @@ fn made_and_changed(file: &Path) -> Scene {
     scene.camera.vertical_fov_degrees = 45.0;
     scene.camera.up = Vec3::Y;
     scene.instances = vec![place(1, above), place(0, Affine3A::IDENTITY)];
-    scene.textures = vec![Texture {
-        name: "texture".into(),
-        width: 2,
-        height: 1,
-        texels: vec![half([1.0, 0.5, 0.25, 1.0]), half([0.25, 0.5, 1.0, 1.0])],
-    }];
+    scene.textures = vec![Texture::new("texture", 2, vec![half([1.0, 0.5, 0.25, 1.0]), half([0.25, 0.5, 1.0, 1.0])])];
+    scene.textures[0].placement = TexturePlacement { scale: Vec2::new(2.0, 1.0), offset: Vec2::new(0.25, 0.0) };
     scene.environment = Some(Environment::constant(Vec3::new(0.25, 0.5, 0.75)));
     scene.sun = Some(Sun { direction: Vec3::Y, irradiance: Vec3::new(1.0, 2.0, 1.0) });
     scene

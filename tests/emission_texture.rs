@@ -11,8 +11,7 @@ use neubrdf::scene::{Color, Environment, Instance, LightTable, Material, Scene, 
 
 fn texture(width: u32, colors: &[Vec3]) -> Texture {
     let texel = |color: &Vec3| color.extend(1.0).to_array().map(f16::from_f32);
-    let height = colors.len() as u32 / width;
-    Texture { name: "glow".into(), width, height, texels: colors.iter().map(texel).collect() }
+    Texture::new("glow", width, colors.iter().map(texel).collect())
 }
 
 fn glowing(radiance: f32, texture: Option<u32>) -> Material {

@@ -177,7 +177,7 @@ fn triangles_of_a_host_s_mesh_have_the_scene_s_materials() {
 fn a_texture_coordinate_that_is_no_number_reads_nothing_else() {
     in_lavapipe_hosts(|host| {
         let device = host.lend();
-        let texture = Texture { name: "grey".into(), width: 4, height: 5, texels: vec![[f16::from_f32(0.5); 4]; 20] };
+        let texture = Texture::new("grey", 4, vec![[f16::from_f32(0.5); 4]; 20]);
         let albedo = Color { value: Vec3::ONE, texture: Some(0) };
         let textured = |mut scene: Scene| {
             scene.textures = vec![texture.clone()];

@@ -12,8 +12,7 @@ use neubrdf::scene::{Color, Instance, Material, Scene, Sun, Surface, Texture};
 /// The map of these vectors.
 fn map(width: u32, normals: &[Vec3]) -> Texture {
     let texel = |normal: &Vec3| (0.5 + 0.5 * *normal).extend(1.0).to_array().map(f16::from_f32);
-    let height = normals.len() as u32 / width;
-    Texture { name: "normals".into(), width, height, texels: normals.iter().map(texel).collect() }
+    Texture::new("normals", width, normals.iter().map(texel).collect())
 }
 
 fn mapped(surface: Surface) -> Material {

@@ -12,7 +12,7 @@ use neubrdf::scene::{Environment, Instance, Material, Mesh, Opacity, Scene, Sun,
 /// A texture of one number a texel, from the upper left.
 fn texture(width: u32, numbers: &[f32]) -> Texture {
     let texels = numbers.iter().map(|number| [*number, *number, *number, 1.0].map(f16::from_f32)).collect();
-    Texture { name: "opacity".into(), width, height: numbers.len() as u32 / width, texels }
+    Texture::new("opacity", width, texels)
 }
 
 fn with_holes(material: Material, value: f32, texture: Option<u32>) -> Material {

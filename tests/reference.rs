@@ -319,7 +319,7 @@ fn a_lens_is_sharp_at_its_focus_only() {
 fn a_texture_multiplies_the_colour() {
     let texels = [[1.0, 0.0, 0.0, 1.0], [0.0, 1.0, 0.0, 1.0], [0.0, 0.0, 1.0, 1.0], [1.0; 4]];
     let texels = texels.map(|texel: [f32; 4]| texel.map(half::f16::from_f32)).to_vec();
-    let texture = Texture { name: "four".into(), width: 2, height: 2, texels };
+    let texture = Texture::new("four", 2, texels);
     let albedo = Color { value: Vec3::splat(0.5), texture: Some(0) };
     // The middle of the upper right texel, all over.
     let ground = Mesh { uvs: vec![Vec2::new(0.75, 0.75); 4], ..floor(10.0, 0) };

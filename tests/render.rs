@@ -560,7 +560,7 @@ fn only_scenes_with_materials_that_vary_keep_footprints() {
 fn only_scenes_with_holes_and_maps_look_for_them() {
     let features = |change: &dyn Fn(&mut Material)| {
         let mut scene = still_life(diffuse(0.5));
-        scene.textures = vec![Texture { name: "grey".into(), width: 1, height: 1, texels: vec![[half::f16::ONE; 4]] }];
+        scene.textures = vec![Texture::new("grey", 1, vec![[half::f16::ONE; 4]])];
         scene.materials.iter_mut().for_each(change);
         Features::of(&scene, &LightTable::new(&scene))
     };

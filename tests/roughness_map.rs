@@ -12,8 +12,7 @@ use neubrdf::scene::{Color, Fresnel, Material, Surface, Texture};
 /// The map of these roughnesses along u and v.
 fn map(width: u32, roughnesses: &[Vec2]) -> Texture {
     let texel = |roughness: &Vec2| [roughness.x, roughness.y, 0.0, 1.0].map(f16::from_f32);
-    let height = roughnesses.len() as u32 / width;
-    Texture { name: "roughness".into(), width, height, texels: roughnesses.iter().map(texel).collect() }
+    Texture::new("roughness", width, roughnesses.iter().map(texel).collect())
 }
 
 fn mapped(surface: Surface) -> Material {

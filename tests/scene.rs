@@ -7,7 +7,7 @@ use glam::{Affine3A, Mat3, Vec2, Vec3};
 use half::f16;
 use neubrdf::scene::{
     Camera, Color, Environment, Error, Film, Fresnel, Lens, LightTable, Material, Mesh, Opacity, Scene, Surface,
-    Warning,
+    TexturePlacement, Warning,
 };
 
 /// A folder of input files that goes away with the value.
@@ -567,7 +567,7 @@ fn bump_maps_may_hold_normals_or_heights() {
 #[test]
 fn maps_of_roughness_load() {
     let obj = "mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nusemtl metal\nf 1/1 2/1 3/1\nusemtl paint\nf 1/1 2/1 3/1\nusemtl chalk\nf 1/1 2/1 3/1\n";
-    let mtl = "newmtl metal\nPm 1\nPr 0.3\nmap_Pr -s 2 2 2 rough.png\nnewmtl paint\nKs 1 1 1\nmap_Pr rough.png\nnewmtl chalk\nmap_Pr rough.png\n";
+    let mtl = "newmtl metal\nPm 1\nPr 0.3\nmap_Pr -clamp on rough.png\nnewmtl paint\nKs 1 1 1\nmap_Pr rough.png\nnewmtl chalk\nmap_Pr rough.png\n";
     let folder = Folder::new(&[("a.obj", obj), ("a.mtl", mtl)]);
     image::GrayImage::from_fn(2, 1, |x, _| image::Luma([90 * x as u8])).save(folder.path("rough.png")).unwrap();
     let load = |of_scene: &str| {
@@ -579,7 +579,7 @@ fn maps_of_roughness_load() {
     let (scene, warnings) = load("").unwrap();
     assert_eq!(maps(""), [Some(0), Some(0), None], "chalk is diffuse");
     assert_eq!(scene.textures[0].texels[1][0], f16::from_f32(90.0 / 255.0), "as it is written");
-    assert!(warnings.len() == 1 && warnings[0].to_string().contains("map_Pr-s"), "{warnings:?}");
+    assert!(warnings.len() == 1 && warnings[0].to_string().contains("map_Pr-clamp"), "{warnings:?}");
     assert_ne!(load("[material.metal]\nalpha = 0.3").unwrap().0.hash(), scene.hash());
 
     assert_eq!(maps("[material.metal]\nemission = 1"), [Some(0), Some(0), None]);
@@ -604,6 +604,58 @@ fn maps_of_roughness_load() {
     let mut diffuse = scene.clone();
     diffuse.materials[2].roughness_map = Some(0);
     assert!(diffuse.check().is_err());
+}
+
+/// Where a texture lies: options of MTL, tables in scene files.
+#[test]
+fn textures_are_placed() {
+    let obj = "mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nusemtl a\nf 1/1 2/1 3/1\nusemtl b\nf 1/1 2/1 3/1\n";
+    let mtl = "newmtl a\nmap_Kd -s 4 2 1 -o 0.5 a.png\nmap_Ke -o 0 -0.25 0 a.png\nnorm -s 3 a.png\nmap_d -s 1 2 a.png\n\
+               newmtl b\nPm 1\nmap_Kd a.png\nmap_Pr -s 5 5 a.png\nmap_Bump -bm 2 -s -1 1 a.png\n";
+    let folder = Folder::new(&[("a.obj", obj), ("a.mtl", &mtl.replace("map_d -s 1 2 a.png\n", ""))]);
+    image::RgbImage::from_fn(2, 1, |x, _| image::Rgb([128 + x as u8, 128, 255])).save(folder.path("a.png")).unwrap();
+    let load = |of_scene: &str| {
+        fs::write(folder.path("s.toml"), format!("[[mesh]]\nfile = 'a.obj'\n{of_scene}\n{SKY}")).unwrap();
+        folder.load("s.toml")
+    };
+    let (scene, warnings) = load("").unwrap();
+    let placement = |scene: &Scene, texture: Option<u32>| {
+        let TexturePlacement { scale, offset } = scene.textures[texture.unwrap() as usize].placement;
+        [scale.x, scale.y, offset.x, offset.y]
+    };
+    let color = |scene: &Scene, index: usize| placement(scene, scene.materials[index].surface.texture());
+    assert_eq!(color(&scene, 0), [4.0, 2.0, 0.5, 0.0]);
+    assert_eq!(color(&scene, 1), [1.0, 1.0, 0.0, 0.0]);
+    let [a, b] = [&scene.materials[0], &scene.materials[1]];
+    assert_eq!(placement(&scene, a.emission_texture), [1.0, 1.0, 0.0, -0.25]);
+    assert_eq!(placement(&scene, a.normal_map), [3.0, 1.0, 0.0, 0.0]);
+    assert_eq!(placement(&scene, b.roughness_map), [5.0, 5.0, 0.0, 0.0]);
+    assert_eq!(placement(&scene, b.normal_map), [-1.0, 1.0, 0.0, 0.0]);
+    assert!(warnings.is_empty(), "{warnings:?}");
+    fs::write(folder.path("a.mtl"), "newmtl a\nmap_d -s 1 2 a.png\nnewmtl b\n").unwrap();
+    let (holes, _) = load("").unwrap();
+    assert_eq!(placement(&holes, holes.materials[0].opacity.texture), [1.0, 2.0, 0.0, 0.0]);
+
+    let table = "{ file = 'a.png', scale = [2, -3], offset = [0.5, 0] }";
+    let (now, _) =
+        load(&format!("[material.a]\ntexture = {table}\nopacity = {table}\n[material.b]\nnormal_map = {table}"))
+            .unwrap();
+    for texture in [now.materials[0].surface.texture(), now.materials[0].opacity.texture, now.materials[1].normal_map] {
+        assert_eq!(placement(&now, texture), [2.0, -3.0, 0.5, 0.0]);
+    }
+    for (of_scene, part) in [
+        ("[material.a]\ntexture = 4", "a file, or a table"),
+        ("[material.a]\ntexture = { scale = [1, 1] }", "the key `file`"),
+        ("[material.a]\ntexture = { file = 'a.png', scales = [1, 1] }", "`scale`"),
+        ("[material.a]\nnormal_map = { file = 'a.png', scale = [1, inf] }", "scale[1]"),
+        ("[material.a]\nopacity = { file = 'a.png', offset = 1 }", "an array of 2 numbers"),
+    ] {
+        let error = load(of_scene).map(|_| ()).unwrap_err().to_string();
+        assert!(error.contains(part), "{part}: {error}");
+    }
+    fs::write(folder.path("a.mtl"), "newmtl a\nmap_Kd -s 1 1e30 a.png\n").unwrap();
+    let error = load("").map(|_| ()).unwrap_err().to_string();
+    assert!(error.contains("a.mtl:2") && error.contains("1e6"), "{error}");
 }
 
 #[test]

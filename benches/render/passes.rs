@@ -14,7 +14,7 @@ const ROUNDS: usize = 5;
 
 pub fn run() -> Result<()> {
     let device = Instance::new(Validation::Off)?.open(&DeviceChoice::Auto)?;
-    for name in ["cornell", "preview"] {
+    for name in ["cornell", "preview", "neural"] {
         let mut scene = crate::load(name)?;
         scene.film = crate::film(&device);
         let settings = Settings { max_depth: MAX_DEPTH, features: false, ..Settings::default() };

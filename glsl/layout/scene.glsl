@@ -42,6 +42,8 @@ struct TextureRecord {
     uvec2 texels;   // a TexelArray; SwiftShader's compiler dies of copies of structs that hold references
     uint width;
     uint height;
+    vec2 scale;     // at uv it is looked up at offset + scale * uv
+    vec2 offset;
 };
 layout(buffer_reference, scalar, buffer_reference_align = 8) readonly buffer TextureArray {
     TextureRecord at[];

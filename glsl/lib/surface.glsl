@@ -124,7 +124,7 @@ Surface surface_at(SceneTable scene, Hit hit, vec3 origin, vec3 direction, bool 
     if (HAS_NORMAL_MAPS) {
         uint map = scene.materials.at[surface.material].normal_map;
         if (map != NO_TEXTURE) {
-            shading = mapped_normal(texture_color(scene.textures.at[map], surface.uv), normalize_or(shading, surface.front), dpdu, dpdv);
+            shading = mapped_normal(texture_normal(scene.textures.at[map], surface.uv), normalize_or(shading, surface.front), dpdu, dpdv);
         }
     }
     surface.frame = frame_make(-direction, geometric, shading, dpdu, opaque);

@@ -18,6 +18,7 @@ vec3 texel(TextureRecord image, ivec2 place) {
 }
 
 vec3 texture_color(TextureRecord image, vec2 uv) {
+    uv = image.offset + image.scale * uv;
     vec2 wrapped = uv - floor(uv);
     vec2 position = vec2(wrapped.x, 1.0 - wrapped.y) * vec2(image.width, image.height) - 0.5;
     vec2 corner = floor(position);
@@ -26,6 +27,12 @@ vec3 texture_color(TextureRecord image, vec2 uv) {
     vec3 upper = mix(texel(image, place), texel(image, place + ivec2(1, 0)), share.x);
     vec3 lower = mix(texel(image, place + ivec2(0, 1)), texel(image, place + ivec2(1, 1)), share.x);
     return mix(upper, lower, share.y);
+}
+
+// The same of a map of normals: x along the surface's u, y along its v, from -1 (0 in the texture) to 1, also where it is mirrored.
+vec3 texture_normal(TextureRecord image, vec2 uv) {
+    vec3 color = texture_color(image, uv);
+    return vec3(mix(color.xy, 1.0 - color.xy, lessThan(image.scale, vec2(0.0))), color.z);
 }
 
 // A material's colour, times its texture if it has one.

@@ -967,6 +967,17 @@ enum NeubrdfResult neubrdf_scene_add_texture(struct NeubrdfScene *scene,
                                              uint32_t *index);
 
 /**
+ * Says where a texture lies: at texture coordinates (u, v) it is looked up at `offset` + `scale` · (u, v). A texture that nobody places has a scale
+ * of 1 and an offset of 0.
+ *
+ * `scale` and `offset` point to two floats each.
+ */
+enum NeubrdfResult neubrdf_scene_place_texture(struct NeubrdfScene *scene,
+                                               uint32_t index,
+                                               const float *scale,
+                                               const float *offset);
+
+/**
  * Adds a material of a closed form.
  *
  * `index` is null or points to room for a number; the others are alive.

@@ -9,7 +9,7 @@ use super::call::{Failure, NeubrdfResult, array, call, end, hand_over, object, p
 use crate::gpu::HostMesh;
 use crate::scene::{
     Camera, Color, Environment, Film, Fresnel, Instance, Lens, Material, Mesh, Opacity, Scene, Sun, Surface, Texture,
-    Warning,
+    TexturePlacement, Warning,
 };
 
 /// What is rendered. Renderers take a copy.
@@ -345,9 +345,33 @@ pub unsafe extern "C" fn neubrdf_scene_add_texture(
         let added = index_of(scene.scene.textures.len())?;
         let half = |[r, g, b]: &[f32; 3]| [*r, *g, *b, 1.0].map(f16::from_f32);
         let texels = colors.iter().map(half).collect();
-        scene.scene.textures.push(Texture { name: format!("texture {added}"), width, height, texels });
+        scene.scene.textures.push(Texture::new(format!("texture {added}"), width, texels));
         // SAFETY: as the caller says.
         unsafe { put(index, added) };
+        Ok(())
+    })
+}
+
+/// Says where a texture lies: at texture coordinates (u, v) it is looked up at `offset` + `scale` · (u, v). A texture that nobody places has a scale
+/// of 1 and an offset of 0.
+///
+/// # Safety
+/// `scale` and `offset` point to two floats each.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn neubrdf_scene_place_texture(
+    scene: *mut NeubrdfScene,
+    index: u32,
+    scale: *const f32,
+    offset: *const f32,
+) -> NeubrdfResult {
+    call(|| {
+        // SAFETY: as the caller says.
+        let (scene, scale, offset) =
+            unsafe { (object(scene, "scene")?, array(scale, 2, "scale")?, array(offset, 2, "offset")?) };
+        let textures = scene.scene.textures.len();
+        let texture = scene.scene.textures.get_mut(index as usize);
+        let texture = texture.ok_or_else(|| Failure::argument(format!("texture {index} of {textures}")))?;
+        texture.placement = TexturePlacement { scale: Vec2::from_slice(scale), offset: Vec2::from_slice(offset) };
         Ok(())
     })
 }

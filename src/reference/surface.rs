@@ -159,7 +159,8 @@ impl<'a> SurfacePoint<'a> {
         }
 
         let shading = material.normal_map.map_or(interpolated, |map| {
-            mapped_normal(sample(map).as_dvec3(), interpolated.normalize_or(geometric), derivatives)
+            let normal = scene.textures[map as usize].sample_normal(uv.as_vec2());
+            mapped_normal(normal.as_dvec3(), interpolated.normalize_or(geometric), derivatives)
         });
 
         let wo = -direction;

@@ -14,7 +14,7 @@ use super::neubrdf_table::{NeuBrdfShape, neubrdfs};
 use super::settings::Traversal;
 use crate::gpu::{Buffer, HostMesh, Tlas, Update, Upload};
 use crate::scene::brdf::Precision;
-use crate::scene::{Environment, LightTable, Material, Scene, luminance};
+use crate::scene::{Environment, LightTable, Material, Scene, TexturePlacement, luminance};
 
 /// The uploaded scene.
 pub struct DeviceScene {
@@ -83,7 +83,14 @@ impl DeviceScene {
             let mut records = Vec::new();
             for texture in &scene.textures {
                 let texels = upload.buffer(&texture.name, &texture.texels)?;
-                records.push(TextureRecord { texels: texels.address(), width: texture.width, height: texture.height });
+                let TexturePlacement { scale, offset } = texture.placement;
+                records.push(TextureRecord {
+                    texels: texels.address(),
+                    width: texture.width,
+                    height: texture.height,
+                    scale: scale.into(),
+                    offset: offset.into(),
+                });
                 buffers.push(texels);
             }
             let records = upload.buffer("textures", &records)?;

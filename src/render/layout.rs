@@ -54,6 +54,8 @@ crate::shared_structs! {
         pub texels: u64,
         pub width: u32,
         pub height: u32,
+        pub scale: [f32; 2],
+        pub offset: [f32; 2],
     }
 
     /// `glsl/layout/scene.glsl`

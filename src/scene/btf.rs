@@ -172,7 +172,7 @@ impl BtfPreview {
             *count += 1.0;
         }
         let texel = |(sum, count): (Vec3, f32)| (sum / count).extend(1.0).to_array().map(half::f16::from_f32);
-        Texture { name: texture.name.clone(), width, height, texels: sums.into_iter().map(texel).collect() }
+        Texture { width, height, texels: sums.into_iter().map(texel).collect(), ..texture.clone() }
     }
 }
 

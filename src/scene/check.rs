@@ -5,8 +5,8 @@ use glam::Vec3;
 use super::light::BRIGHTEST;
 use super::mesh::LARGEST_COORDINATE;
 use super::{
-    Camera, Environment, Fresnel, Instance, LayerBase, Layered, Material, Mesh, Opacity, Scene, Sun, Surface, Woven,
-    Yarn,
+    Camera, Environment, Fresnel, Instance, LayerBase, Layered, Material, Mesh, Opacity, Scene, Sun, Surface,
+    TexturePlacement, Woven, Yarn,
 };
 
 /// A part of a scene that is not as it must be.
@@ -111,6 +111,9 @@ impl Scene {
             let (size, texels) = (u64::from(texture.width) * u64::from(texture.height), texture.texels.len());
             let part = || format!("number of texels of texture {index} ({})", texture.name);
             ensure(size > 0 && size == texels as u64, part, texels, &format!("its size, {size}, and not 0"))?;
+            let TexturePlacement { scale, offset } = texture.placement;
+            let part = || format!("placement of texture {index} ({})", texture.name);
+            ensure(scale.is_finite() && offset.is_finite(), part, format!("{scale} and {offset}"), "finite numbers")?;
         }
         for (index, material) in (0..).zip(&self.materials) {
             self.check_material(index, material)?;

@@ -76,9 +76,9 @@ fn has_alpha(image: &DynamicImage) -> bool {
 const LUMINANCE: Vec3 = Vec3::new(0.2126, 0.7152, 0.0722);
 
 /// A texture with its file's name.
-fn of_picture(path: &Path, Picture { width, height, texels }: Picture<[f16; 4]>) -> Texture {
+fn of_picture(path: &Path, Picture { width, texels, .. }: Picture<[f16; 4]>) -> Texture {
     let name = path.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
-    Texture { name, width, height, texels }
+    Texture::new(name, width, texels)
 }
 
 /// Reads measurements, times `scale`, from a PNG, JPEG, TGA or BMP file, in sRGB or linear, or from a linear EXR file.

@@ -14,7 +14,7 @@ use super::obj::{self, Normals, beside};
 use super::table::{Source, Table, Value, read_text};
 use super::{
     Bounds, Camera, Color, Environment, Film, Fresnel, Instance, LayerBase, Layered, Lens, Material, Mesh, Opacity,
-    Scene, Sun, Surface, Texture, Woven, decode, metals,
+    Scene, Sun, Surface, Texture, TexturePlacement, Woven, decode, metals,
 };
 
 /// Size of the picture unless the scene file says otherwise.
@@ -162,7 +162,7 @@ fn decode_textures(scene: &mut Scene, files: &[TextureFile], warnings: &mut Vec<
             if decoded[index].is_none() {
                 let found = decode_texture(&files[index], files, warnings)?;
                 decoded[index] = Some(found.map(|texture| {
-                    scene.textures.push(texture);
+                    scene.textures.push(Texture { placement: files[index].placement, ..texture });
                     scene.textures.len() as u32 - 1
                 }));
             }
@@ -178,7 +178,7 @@ fn decode_texture(
     all: &[TextureFile],
     warnings: &mut Vec<Warning>,
 ) -> Result<Option<Texture>, Error> {
-    let TextureFile { path, holds, named_by } = file;
+    let TextureFile { path, holds, named_by, .. } = file;
     let warn = |message: String| Warning { place: Place::file(path), message };
     match holds {
         Holds::Colors => {
@@ -370,9 +370,21 @@ fn override_material(name: &str, value: &Value, file: &Path, library: &mut Libra
     Ok(())
 }
 
-/// The number of the texture that a value names.
+/// The number of the texture that a value names: a file, or a table of a file and where it lies.
 fn texture(value: &Value, holds: Holds, file: &Path, library: &mut Library) -> Result<u32, Error> {
-    Ok(library.texture(beside(file, value.string()?), holds, &value.place()))
+    if let Ok(name) = value.string() {
+        return Ok(library.texture(beside(file, name), holds, TexturePlacement::default(), &value.place()));
+    }
+    let table =
+        value.table().map_err(|_| value.error("a file, or a table like { file = \"tiles.png\", scale = [4, 4] }"))?;
+    table.allow(&["file", "scale", "offset"])?;
+    let most = TexturePlacement::LARGEST;
+    let numbers = |key: &str| table.get(key).map(|value| value.numbers(-most, most).map(Vec2::from_array)).transpose();
+    let otherwise = TexturePlacement::default();
+    let scale = numbers("scale")?.unwrap_or(otherwise.scale);
+    let offset = numbers("offset")?.unwrap_or(otherwise.offset);
+    let name = table.require("file")?;
+    Ok(library.texture(beside(file, name.string()?), holds, TexturePlacement { scale, offset }, &name.place()))
 }
 
 /// The map of roughness of a material whose surface a table has changed. A roughness of the table counts for more than a map of the MTL
@@ -513,15 +525,12 @@ fn layered(table: &Table, file: &Path, library: &mut Library) -> Result<Layered,
     })
 }
 
-/// A number, or a file of them.
+/// A number, or a texture of them.
 fn opacity(value: &Value, file: &Path, library: &mut Library) -> Result<Opacity, Error> {
-    match value.string() {
-        Ok(name) => {
-            let texture = library.texture(beside(file, name), Holds::Opacities, &value.place());
-            Ok(Opacity { value: 1.0, texture: Some(texture) })
-        }
-        Err(_) => Ok(Opacity { value: value.number(0.0, 1.0)?, texture: None }),
+    if value.string().is_ok() || value.table().is_ok() {
+        return Ok(Opacity { value: 1.0, texture: Some(texture(value, Holds::Opacities, file, library)?) });
     }
+    Ok(Opacity { value: value.number(0.0, 1.0)?, texture: None })
 }
 
 /// A colour and the texture that multiplies it. A texture without a colour is multiplied by 1.

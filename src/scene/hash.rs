@@ -6,7 +6,7 @@ use glam::{Affine3A, Vec3};
 
 use super::{
     Camera, Color, Environment, Film, Fresnel, Instance, LayerBase, Layered, Lens, Material, Mesh, Scene, Sun, Surface,
-    Texture, Woven, Yarn,
+    Texture, TexturePlacement, Woven, Yarn,
 };
 
 impl Scene {
@@ -68,9 +68,13 @@ impl Scene {
                 put(&mut hasher, &[*texture]);
             }
         }
-        for Texture { name: _, width, height, texels } in textures {
+        for Texture { name: _, width, height, texels, placement } in textures {
             put(&mut hasher, &[*width, *height]);
             put(&mut hasher, texels);
+            if *placement != TexturePlacement::default() {
+                put(&mut hasher, b"placement");
+                put(&mut hasher, &[placement.scale, placement.offset]);
+            }
         }
         brdfs.iter().for_each(|brdf| brdf.put(&mut hasher));
         if let Some(Environment { width, height, texels, rotation_degrees }) = environment {

@@ -43,7 +43,7 @@ pub use light::{Environment, Light, LightTable, Sun, luminance};
 pub use material::{Color, Fresnel, Material, Opacity, Surface};
 pub use mesh::{Bounds, Instance, Mesh};
 pub use surface_maps::SurfaceMaps;
-pub use texture::Texture;
+pub use texture::{Texture, TexturePlacement};
 pub use woven::{Woven, Yarn};
 // What whoever puts a scene together must speak with us: the same versions.
 pub use {glam, half};

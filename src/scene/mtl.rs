@@ -11,7 +11,7 @@ use super::error::{Error, Place, Warning, open, quote};
 use super::light::BRIGHTEST;
 use super::obj::beside;
 use super::statements::{Fault, Statements, number};
-use super::{Brdf, Color, Fresnel, Material, Opacity, Surface};
+use super::{Brdf, Color, Fresnel, Material, Opacity, Surface, TexturePlacement};
 
 /// The materials and texture files of a scene, gathered from its OBJ and MTL files.
 #[derive(Default)]
@@ -34,6 +34,7 @@ pub(super) struct Library {
 pub(super) struct TextureFile {
     pub path: PathBuf,
     pub holds: Holds,
+    pub placement: TexturePlacement,
     /// What names it first.
     pub named_by: Place,
 }
@@ -151,10 +152,11 @@ impl Library {
     }
 
     /// The number of a texture file, which is decoded once, however often it is named.
-    pub fn texture(&mut self, path: PathBuf, holds: Holds, named_by: &Place) -> u32 {
-        let index = self.textures.iter().position(|known| known.path == path && known.holds == holds);
+    pub fn texture(&mut self, path: PathBuf, holds: Holds, placement: TexturePlacement, named_by: &Place) -> u32 {
+        let is_it = |known: &TextureFile| known.path == path && known.holds == holds && known.placement == placement;
+        let index = self.textures.iter().position(is_it);
         index.unwrap_or_else(|| {
-            self.textures.push(TextureFile { path, holds, named_by: named_by.clone() });
+            self.textures.push(TextureFile { path, holds, placement, named_by: named_by.clone() });
             self.textures.len() - 1
         }) as u32
     }
@@ -176,7 +178,7 @@ impl Library {
         let specular = self.reflectance(place, "Ks", material.specular.unwrap_or_default());
         let mut albedo = Color::constant(Vec3::ONE);
         if let Some(name) = &material.diffuse_texture {
-            albedo.texture = Some(self.texture(beside(&place.file, name), Holds::Colors, place));
+            albedo.texture = Some(self.map(place, material, "map_Kd", name, Holds::Colors));
         }
         match material.diffuse {
             Some(diffuse) => albedo.value = self.reflectance(place, "Kd", diffuse),
@@ -219,22 +221,29 @@ impl Library {
         let glow = material.unknown_param.get("map_Ke");
         let emission = material.emissive.map(Vec3::from_array);
         let emission = emission.unwrap_or(if glow.is_some() { Vec3::ONE } else { Vec3::ZERO });
-        let emission_texture = glow.map(|name| self.texture(beside(&place.file, name), Holds::Colors, place));
+        let emission_texture = glow.map(|name| self.map(place, material, "map_Ke", name, Holds::Colors));
         let opacity = self.opacity(place, material, matches!(surface, Surface::Dielectric { .. }));
         let is_whole = opacity.is_whole() || emission == Vec3::ZERO;
         if !is_whole {
             self.warn(place.clone(), "`d` and `map_d` are ignored, as it emits");
         }
         let opacity = if is_whole { opacity } else { Opacity::WHOLE };
-        let normals = material.unknown_param.get("norm").map(|text| (split_options(text).1, Holds::Normals));
-        let height = Height(parameter("bump-bm").unwrap_or(1.0));
-        let bumps = material.normal_texture.as_ref().map(|name| (name.as_str(), Holds::Bumps(height)));
-        let normal_map = normals.or(bumps).map(|(name, holds)| self.texture(beside(&place.file, name), holds, place));
+        let normals = material.unknown_param.get("norm").map(|name| ("norm", name, Holds::Normals));
+        let height = Height(parameter(BUMP_HEIGHT).unwrap_or(1.0));
+        let bumps = material.normal_texture.as_ref().map(|name| ("bump", name, Holds::Bumps(height)));
+        let normal_map =
+            normals.or(bumps).map(|(statement, name, holds)| self.map(place, material, statement, name, holds));
         let roughnesses = material.unknown_param.get("map_Pr").filter(|_| surface.takes_roughness_map());
-        let roughness_map = roughnesses.map(|name| self.texture(beside(&place.file, name), Holds::Roughnesses, place));
+        let roughness_map = roughnesses.map(|name| self.map(place, material, "map_Pr", name, Holds::Roughnesses));
         let name = material.name.clone();
         let emits_both_sides = false;
         Material { name, surface, emission, emission_texture, emits_both_sides, opacity, normal_map, roughness_map }
+    }
+
+    /// The number of the texture that a statement names, placed as its options say.
+    fn map(&mut self, place: &Place, material: &tobj::Material, statement: &str, name: &str, holds: Holds) -> u32 {
+        let placed = material.unknown_param.get(&placed(statement)).and_then(|text| placement_of(text));
+        self.texture(beside(&place.file, name), holds, placed.unwrap_or_default(), place)
     }
 
     /// What `d` and `map_d` say. Of glass `d` says that one sees through, not that it is not there.
@@ -247,8 +256,8 @@ impl Library {
         if value == 0.0 {
             self.warn(place.clone(), "with `d 0` it cannot be seen");
         }
-        let file = material.dissolve_texture.as_ref().map(|name| beside(&place.file, name));
-        Opacity { value, texture: file.map(|file| self.texture(file, Holds::Opacities, place)) }
+        let name = material.dissolve_texture.as_ref();
+        Opacity { value, texture: name.map(|name| self.map(place, material, "map_d", name, Holds::Opacities)) }
     }
 
     fn reflectance(&mut self, place: &Place, statement: &str, rgb: [f32; 3]) -> Vec3 {
@@ -279,7 +288,8 @@ fn unused_statements(material: &tobj::Material) -> Vec<&str> {
         .unknown_param
         .keys()
         .map(String::as_str)
-        .filter(|name| !["map_Ke", "Pr", "map_Pr", "Pm", "aniso", "norm", "bump-bm"].contains(name));
+        .filter(|name| !["map_Ke", "Pr", "map_Pr", "Pm", "aniso", "norm", BUMP_HEIGHT].contains(name))
+        .filter(|name| !name.ends_with(PLACED));
     maps.chain(others).collect()
 }
 
@@ -329,20 +339,32 @@ fn check(statement: &str, named: bool, out: &mut String) -> Result<Option<String
             out.push_str(&format!("illum {model}\n"));
         }
         "map_Ka" => {}
-        _ if keyword.starts_with("map_") || keyword == "bump" => {
+        _ if keyword.starts_with("map_") || ["bump", "norm"].contains(&keyword) => {
             let (options, file) = split_options(rest);
             if file.is_empty() {
                 return Err(Fault::new("no file", "the file of a texture"));
             }
             out.push_str(&format!("{keyword} {file}\n"));
-            if let Some(height) =
-                bump_multiplier(rest).filter(|_| ["bump", "map_bump"].contains(&keyword.to_ascii_lowercase().as_str()))
-            {
-                out.push_str(&format!("bump-bm {height}\n"));
+            let is_bump = ["bump", "map_Bump", "map_bump"].contains(&keyword);
+            let statement = if is_bump { "bump" } else { keyword };
+            if !["map_Kd", "map_Ke", "map_d", "map_Pr", "bump", "norm"].contains(&statement) {
+                return Ok(None);
             }
-            if ["map_Kd", "map_Ke", "map_d", "map_Pr"].contains(&keyword) {
-                options.iter().for_each(|option| out.push_str(&format!("{keyword}{option} 1\n")));
+            let mut placement = TexturePlacement::default();
+            for (option, arguments) in options {
+                let numbers = || arguments.iter().map_while(|word| word.parse::<f32>().ok());
+                match option {
+                    "-s" => placement.scale = pair(numbers(), 1.0)?,
+                    "-o" => placement.offset = pair(numbers(), 0.0)?,
+                    "-bm" if is_bump => {
+                        let height = numbers().next().filter(|height| height.is_finite()).unwrap_or(1.0);
+                        out.push_str(&format!("{BUMP_HEIGHT} {}\n", height.clamp(-1e3, 1e3)));
+                    }
+                    _ => out.push_str(&format!("{keyword}{option} 1\n")),
+                }
             }
+            let TexturePlacement { scale, offset } = placement;
+            out.push_str(&format!("{} {} {} {} {}\n", placed(statement), scale.x, scale.y, offset.x, offset.y));
         }
         "v" | "vt" | "vn" | "f" | "usemtl" | "mtllib" => {
             return Err(Fault::new("a statement of an OBJ file", "an MTL statement"));
@@ -357,30 +379,50 @@ fn non_negative<'a>(words: &mut impl Iterator<Item = &'a str>) -> Result<f32, Fa
     if value >= 0.0 { Ok(value) } else { Err(Fault::new(value.to_string(), "a number of at least 0")) }
 }
 
-/// What option `-bm` says, in [−1000, 1000].
-fn bump_multiplier(text: &str) -> Option<f32> {
-    let number = text.split_whitespace().skip_while(|word| *word != "-bm").nth(1)?.parse::<f32>().ok()?;
-    number.is_finite().then(|| number.clamp(-1e3, 1e3))
+/// How far white is above black in a bump map, as `tobj` is shown it.
+const BUMP_HEIGHT: &str = "bump@height";
+
+/// What a statement that tells where a texture lies, as `tobj` is shown it, ends with. No statement of a file has such a character.
+const PLACED: &str = "@placed";
+
+fn placed(statement: &str) -> String {
+    format!("{statement}{PLACED}")
 }
 
-/// Splits `-s 1 1 1 -clamp on name.png` into the options' names and the file's, which may hold spaces.
-fn split_options(text: &str) -> (Vec<&str>, &str) {
+fn placement_of(text: &str) -> Option<TexturePlacement> {
+    let numbers: Vec<f32> = text.split_whitespace().map_while(|word| word.parse().ok()).collect();
+    let [scale_u, scale_v, offset_u, offset_v] = numbers.try_into().ok()?;
+    Some(TexturePlacement { scale: Vec2::new(scale_u, scale_v), offset: Vec2::new(offset_u, offset_v) })
+}
+
+/// The first two numbers of an option of one to three; what is not there is `otherwise`.
+fn pair(mut numbers: impl Iterator<Item = f32>, otherwise: f32) -> Result<Vec2, Fault> {
+    let pair = Vec2::new(numbers.next().unwrap_or(otherwise), numbers.next().unwrap_or(otherwise));
+    match pair.abs().max_element() <= TexturePlacement::LARGEST && !pair.is_nan() {
+        true => Ok(pair),
+        false => Err(Fault::new(pair.to_string(), format!("numbers of at most {:e}", TexturePlacement::LARGEST))),
+    }
+}
+
+/// Splits `-s 1 1 1 -clamp on name.png` into the options with their arguments and the file's name, which may hold spaces.
+fn split_options(text: &str) -> (Vec<(&str, Vec<&str>)>, &str) {
     let mut options = Vec::new();
     let mut rest = text.trim();
     while rest.starts_with('-') {
         let (option, after) = rest.split_once(char::is_whitespace).unwrap_or((rest, ""));
-        options.push(option);
         rest = after.trim_start();
+        // Channels and mapping types are words.
+        let takes_word = ["-imfchan", "-type"].contains(&option);
+        let mut arguments = Vec::new();
         while let Some((word, after)) = rest.split_once(char::is_whitespace) {
-            if word.parse::<f32>().is_err() && !["on", "off"].contains(&word) {
+            let is_argument = word.parse::<f32>().is_ok() || ["on", "off"].contains(&word);
+            if !is_argument && !(takes_word && arguments.is_empty()) {
                 break;
             }
+            arguments.push(word);
             rest = after.trim_start();
         }
-        // Channels and mapping types are words.
-        if ["-imfchan", "-type"].contains(&option) {
-            rest = rest.split_once(char::is_whitespace).map_or("", |(_, after)| after.trim_start());
-        }
+        options.push((option, arguments));
     }
     (options, rest)
 }
@@ -390,12 +432,12 @@ mod tests {
     use super::*;
 
     #[test]
-    fn texture_options_are_skipped() {
+    fn texture_options_are_told_from_the_file() {
         for (text, options, file) in [
             ("my file.png", vec![], "my file.png"),
-            ("-s 2 2 1 -clamp on a.png", vec!["-s", "-clamp"], "a.png"),
-            ("-imfchan r b.png", vec!["-imfchan"], "b.png"),
-            ("-s", vec!["-s"], ""),
+            ("-s 2 2 1 -clamp on a.png", vec![("-s", vec!["2", "2", "1"]), ("-clamp", vec!["on"])], "a.png"),
+            ("-imfchan r b.png", vec![("-imfchan", vec!["r"])], "b.png"),
+            ("-s", vec![("-s", vec![])], ""),
         ] {
             assert_eq!(split_options(text), (options, file));
         }

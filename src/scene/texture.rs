@@ -14,9 +14,38 @@ pub struct Texture {
     pub height: u32,
     /// `width × height` linear Rec. 709 texels, row by row from the top; the fourth number is 1.
     pub texels: Vec<[f16; 4]>,
+    /// Where it lies.
+    pub placement: TexturePlacement,
+}
+
+/// Where a texture lies on a surface: at texture coordinates (u, v) it is looked up at offset + scale · (u, v).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TexturePlacement {
+    /// How often it is repeated from 0 to 1; mirrored where it is negative.
+    pub scale: Vec2,
+    /// In widths and heights of the texture.
+    pub offset: Vec2,
+}
+
+impl TexturePlacement {
+    /// Largest number that a file may place a texture by.
+    pub const LARGEST: f32 = 1e6;
+}
+
+impl Default for TexturePlacement {
+    /// Once from 0 to 1.
+    fn default() -> TexturePlacement {
+        TexturePlacement { scale: Vec2::ONE, offset: Vec2::ZERO }
+    }
 }
 
 impl Texture {
+    /// Of whole rows of texels, where it lies unless somebody places it.
+    pub fn new(name: impl Into<String>, width: u32, texels: Vec<[f16; 4]>) -> Texture {
+        let height = texels.len() as u32 / width.max(1);
+        Texture { name: name.into(), width, height, texels, placement: TexturePlacement::default() }
+    }
+
     /// Whether nearly all texels are unit vectors that point outwards, each component from −1 (0 in the texture) to 1, and not grey.
     pub fn holds_normals(&self) -> bool {
         let is_normal = |[x, y, z, _]: &[f16; 4]| {
@@ -45,8 +74,10 @@ impl Texture {
         Texture { texels: texels.collect(), ..self.clone() }
     }
 
-    /// The bilinearly interpolated colour at a texture coordinate (texel centres at half-integers).
+    /// The bilinearly interpolated colour at a surface's texture coordinate (texel centres at half-integers).
     pub fn sample(&self, uv: Vec2) -> Vec3 {
+        let TexturePlacement { scale, offset } = self.placement;
+        let uv = offset + scale * uv;
         let size = Vec2::new(self.width as f32, self.height as f32);
         let wrapped = uv - uv.floor();
         let position = Vec2::new(wrapped.x, 1.0 - wrapped.y) * size - 0.5;
@@ -61,5 +92,12 @@ impl Texture {
         let upper = texel(0, 0).lerp(texel(1, 0), fraction.x);
         let lower = texel(0, 1).lerp(texel(1, 1), fraction.x);
         upper.lerp(lower, fraction.y)
+    }
+
+    /// The same of a map of normals: x along the surface's u, y along its v, from −1 (0 in the texture) to 1, also where it is mirrored.
+    pub fn sample_normal(&self, uv: Vec2) -> Vec3 {
+        let color = self.sample(uv);
+        let is_mirrored = self.placement.scale.cmplt(Vec2::ZERO);
+        Vec2::select(is_mirrored, 1.0 - color.truncate(), color.truncate()).extend(color.z)
     }
 }

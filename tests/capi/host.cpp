@@ -263,6 +263,8 @@ static NeubrdfScene* make_scene(const Square& square, bool on_device, const char
     CHECK(neubrdf_scene_create(&scene));
     const float texels[] = {1.0f, 0.5f, 0.25f, 0.25f, 0.5f, 1.0f};
     CHECK(neubrdf_scene_add_texture(scene, 2, 1, texels, nullptr));
+    const float scale[] = {2.0f, 1.0f}, offset[] = {0.25f, 0.0f};
+    CHECK(neubrdf_scene_place_texture(scene, 0, scale, offset));
     NeubrdfMaterial floor = material_of(NEUBRDF_SURFACE_DIFFUSE, 0.75f, 0.0f);
     floor.texture = 1;
     CHECK(neubrdf_scene_add_material(scene, &floor, nullptr));

@@ -59,6 +59,9 @@ static void scenes(const char *file) {
     device_mesh.index_type = VK_INDEX_TYPE_NONE_KHR;
     EXPECT(neubrdf_scene_add_device_mesh(scene, &device_mesh, NULL, NULL), NEUBRDF_RESULT_INVALID_ARGUMENT, "index_type");
     EXPECT(neubrdf_scene_add_texture(scene, 0, 4, NULL, NULL), NEUBRDF_RESULT_INVALID_ARGUMENT, "0x4");
+    const float scale[2] = {1, 1};
+    EXPECT(neubrdf_scene_place_texture(scene, 7, scale, scale), NEUBRDF_RESULT_INVALID_ARGUMENT, "texture 7 of");
+    EXPECT(neubrdf_scene_place_texture(scene, 0, scale, NULL), NEUBRDF_RESULT_INVALID_ARGUMENT, "offset");
     EXPECT(neubrdf_scene_add_material_file(scene, "/nowhere.neubrdf", NULL, NULL), NEUBRDF_RESULT_SCENE, "/nowhere");
     const float down[3] = {0, 0, 0};
     EXPECT(neubrdf_scene_set_sun(scene, down, down), NEUBRDF_RESULT_INVALID_ARGUMENT, "direction");

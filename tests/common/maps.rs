@@ -12,7 +12,7 @@ pub fn texture(side: u32, color: impl Fn(Vec2) -> Vec3) -> Texture {
         let at = Vec2::new((i % side) as f32 + 0.5, side as f32 - 0.5 - (i / side) as f32) / side as f32;
         color(at).extend(1.0).to_array().map(f16::from_f32)
     });
-    Texture { name: "made".into(), width: side, height: side, texels: texels.collect() }
+    Texture::new("made", side, texels.collect())
 }
 
 /// Tiles of four colours of metal with grout between them, matte there and smooth on the tiles; `bumps` lets them bulge.

@@ -208,7 +208,7 @@ fn maps_of_roughness_and_emission_may_come_and_go() {
         let mut now = scene();
         let texel = |i: u8| [f32::from(i % 3) / 2.0, f32::from(i % 4) / 3.0, 0.5, 1.0].map(f16::from_f32);
         let texels = (0..16).map(texel).collect();
-        now.textures = vec![Texture { name: "map".into(), width: 4, height: 4, texels }];
+        now.textures = vec![Texture::new("map", 4, texels)];
         let albedo = Color::constant(Vec3::new(0.2, 0.4, 0.6));
         let coat = Surface::Coated { albedo, ior: 1.5, alpha: 0.1 };
         let families = 1 << Family::Coated as u32 | 1 << Family::Conductor as u32;
