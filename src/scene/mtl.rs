@@ -416,7 +416,7 @@ fn split_options(text: &str) -> (Vec<(&str, Vec<&str>)>, &str) {
         let mut arguments = Vec::new();
         while let Some((word, after)) = rest.split_once(char::is_whitespace) {
             let is_argument = word.parse::<f32>().is_ok() || ["on", "off"].contains(&word);
-            if !is_argument && !(takes_word && arguments.is_empty()) {
+            if !(is_argument || takes_word && arguments.is_empty()) {
                 break;
             }
             arguments.push(word);
