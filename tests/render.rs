@@ -19,7 +19,7 @@ use neubrdf::scene::brdf::{
     Codebook, CornerWeights, Dense, Encoding, Footprint, NeuBrdf, Precision, Provenance, SphereGrid, SphereTable,
     SurfaceFrame, SurfaceFrames, SurfaceGrid, SurfaceTable,
 };
-use neubrdf::scene::{Brdf, Environment, LightTable, Material, SamplingLobe, Scene, Sun, Surface, Texture};
+use neubrdf::scene::{Brdf, Environment, LightTable, Material, Patches, SamplingLobe, Scene, Sun, Surface, Texture};
 
 fn settings() -> Settings {
     Settings { max_depth: 6, seed: 7, ..Settings::default() }
@@ -565,14 +565,16 @@ fn only_scenes_with_holes_and_maps_look_for_them() {
         Features::of(&scene, &LightTable::new(&scene))
     };
     let plain = features(&|_| {});
+    let patches = Patches { map: 0, material: 0 };
     for (features, on) in [
         (plain, None),
         (features(&|material| material.opacity.value = 0.5), Some(15)),
         (features(&|material| material.normal_map = Some(0)), Some(16)),
         (features(&|material| material.roughness_map = Some(0)), Some(17)),
         (features(&|material| material.emission_texture = material.is_emissive().then_some(0)), Some(18)),
+        (features(&|material| material.patches = (!material.is_emissive()).then_some(patches)), Some(19)),
     ] {
-        let constants = [15, 16, 17, 18].map(|id| (id, u32::from(on == Some(id))));
+        let constants = [15, 16, 17, 18, 19].map(|id| (id, u32::from(on == Some(id))));
         let plans = features.kernels(Traversal::RayQuery, &settings(), 64);
         let has = |constant: &(u32, u32)| plans.iter().all(|plan| plan.specialization.contains(constant));
         assert!(constants.iter().all(has), "{constants:?}");

@@ -6,8 +6,8 @@ use std::path::{Path, PathBuf};
 use glam::{Affine3A, Mat3, Vec2, Vec3};
 use half::f16;
 use neubrdf::scene::{
-    Camera, Color, Environment, Error, Film, Fresnel, Lens, LightTable, Material, Mesh, Opacity, Scene, Surface,
-    TexturePlacement, Warning,
+    Camera, Color, Environment, Error, Film, Fresnel, Lens, LightTable, Material, Mesh, Opacity, Patches, Scene,
+    Surface, TexturePlacement, Warning,
 };
 
 /// A folder of input files that goes away with the value.
@@ -656,6 +656,63 @@ fn textures_are_placed() {
     fs::write(folder.path("a.mtl"), "newmtl a\nmap_Kd -s 1 1e30 a.png\n").unwrap();
     let error = load("").map(|_| ()).unwrap_err().to_string();
     assert!(error.contains("a.mtl:2") && error.contains("1e6"), "{error}");
+}
+
+/// Where a map says so a material is a metal of its colour and roughness.
+#[test]
+fn maps_of_metal_load() {
+    let obj =
+        "mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nusemtl paint\nf 1/1 2/1 3/1\nusemtl lamp\nf 1/1 2/1 3/1\n";
+    let mtl = "newmtl paint\nKs 0.5 0.5 0.5\nPm 1\nPr 0.5\nKd 0.8 0.4 0.2\nmap_Kd a.png\nmap_Pr -s 2 2 a.png\nmap_Pm -s 3 3 a.png\nnorm a.png\n\
+               newmtl lamp\nKe 1 1 1\nmap_Pm a.png\n";
+    let folder = Folder::new(&[("a.obj", obj), ("a.mtl", mtl)]);
+    image::GrayImage::from_fn(2, 1, |x, _| image::Luma([255 * x as u8])).save(folder.path("a.png")).unwrap();
+    let load = |of_scene: &str| {
+        fs::write(folder.path("s.toml"), format!("[[mesh]]\nfile = 'a.obj'\n{of_scene}\n{SKY}")).unwrap();
+        folder.load("s.toml")
+    };
+    let metal_of = |scene: &Scene| {
+        let patches = scene.materials[0].patches?;
+        assert!(scene.textures.len() > patches.map as usize);
+        Some(scene.materials[patches.material as usize].clone())
+    };
+    let (scene, warnings) = load("").unwrap();
+    let (paint, metal) = (&scene.materials[0], metal_of(&scene).unwrap());
+    assert!(matches!(paint.surface, Surface::Coated { .. }), "`Pm` says nothing beside the map");
+    let Surface::Conductor { fresnel: Fresnel::Schlick { f0 }, alpha } = metal.surface else { panic!("{metal:?}") };
+    assert_eq!((f0.value, f0.texture, alpha), (Vec3::new(0.8, 0.4, 0.2), paint.surface.texture(), Vec2::splat(0.25)));
+    assert_eq!((metal.normal_map, metal.roughness_map), (paint.normal_map, paint.roughness_map));
+    assert!(metal.roughness_map.is_some() && metal.name == "paint (metal)");
+    assert_eq!(scene.textures[paint.patches.unwrap().map as usize].placement.scale, Vec2::splat(3.0));
+    assert!(warnings.len() == 1 && warnings[0].to_string().contains("`map_Pm` is ignored"), "{warnings:?}");
+
+    let (now, _) = load("[material.paint]\nalbedo = 0.1\nroughness = 0.2").unwrap();
+    let metal = metal_of(&now).unwrap();
+    let Surface::Conductor { fresnel: Fresnel::Schlick { f0 }, alpha } = metal.surface else { panic!("{metal:?}") };
+    assert!(f0.value == Vec3::splat(0.1) && (alpha - 0.04).abs().max_element() < 1e-6, "{f0:?}, {alpha}");
+    assert!(metal.roughness_map.is_none() && now.hash() != scene.hash());
+    let (now, _) = load("[material.'paint (metal)']\nmetal = 'gold'").unwrap();
+    assert!(matches!(metal_of(&now).unwrap().surface, Surface::Conductor { fresnel: Fresnel::Complex { .. }, .. }));
+    assert!(metal_of(&load("[material.paint]\ntype = 'mirror'").unwrap().0).is_none());
+    assert!(metal_of(&load("[material.paint]\nemission = 1").unwrap().0).is_none());
+
+    fs::write(folder.path("a.mtl"), "newmtl paint\nnewmtl lamp\nKe 1 1 1\n").unwrap();
+    let coated = "[material.paint]\ntype = 'coated'\nalbedo = 0.3\nalpha = 0.1\nmetal_map = 'a.png'";
+    let metal = metal_of(&load(coated).unwrap().0).unwrap();
+    assert!(matches!(metal.surface, Surface::Conductor { alpha, .. } if alpha == Vec2::splat(0.1)));
+    for (of_scene, part) in [
+        ("[material.paint]\nmetal_map = 'a.png'", "no map of metal but on a coated"),
+        ("[material.lamp]\ntype = 'coated'\nmetal_map = 'a.png'", "no map of metal but on a coated"),
+        ("[material.paint]\ntype = 'coated'\nmetal_map = 'none.png'", "none.png"),
+    ] {
+        let error = load(of_scene).map(|_| ()).unwrap_err().to_string();
+        assert!(error.contains(part), "{part}: {error}");
+    }
+    let mut broken = scene.clone();
+    broken.materials[0].patches = Some(Patches { map: 0, material: 0 });
+    assert!(broken.check().is_err(), "patches of itself");
+    broken.materials[0].patches = Some(Patches { map: 0, material: 99 });
+    assert!(broken.check().is_err());
 }
 
 #[test]

@@ -29,7 +29,7 @@ void main() {
     if (variant == VARIANT_PROBE) {
         film.features.at[first_pixel + slot].depth = depth;
         film.features.at[first_pixel + slot].instance = hit.instance;
-        film.features.at[first_pixel + slot].triangle = hit.triangle;
+        film.features.at[first_pixel + slot].triangle = HAS_PATCHES ? hit.triangle & ~IN_PATCH : hit.triangle;
         film.features.at[first_pixel + slot].material = material_index;
     } else {
         film.first_albedo.at[slot] = vec4(albedo, 0.0);

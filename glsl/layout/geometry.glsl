@@ -73,6 +73,9 @@ struct Hit {
     uint triangle;
 };
 
+// Beside the triangle that a path has hit: it is met in a patch of another material. Triangles are fewer (src/render/bvh.rs).
+const uint IN_PATCH = 1u << 31;
+
 bool has_normals(MeshRecord mesh) {
     return uvec2(mesh.normals) != uvec2(0);
 }

@@ -33,6 +33,9 @@ const uint MATERIAL_PART_SHIFT = 8u;
 // Some material has a map of its roughness.
 layout(constant_id = 17) const bool HAS_ROUGHNESS_MAPS = false;
 
+// Some material has patches of another one.
+layout(constant_id = 19) const bool HAS_PATCHES = false;
+
 // Rough surfaces have at least this α.
 const float SMOOTH_ALPHA = 1e-4;
 
@@ -62,6 +65,8 @@ struct MaterialRecord {
     uint normal_map;       // index of a texture of shading normals, or NO_TEXTURE
     uint roughness_map;    // index of a texture of the roughness that alpha is the square of, along tangent and bitangent, or NO_TEXTURE
     uint emission_texture; // index of a texture that multiplies `emission`, or NO_TEXTURE
+    uint patch_map;        // index of a texture, or NO_TEXTURE: where its red is at least a half,
+    uint patch_material;   // this material stands instead
     uint padding;
 };
 

@@ -4,6 +4,7 @@
 #define LIB_PASS_TRACE_CLOSEST
 
 #include "lib/light.glsl"
+#include "lib/patches.glsl"
 #include "lib/queue.glsl"
 
 const bool ONE_FAMILY = (FAMILY_MASK & (FAMILY_MASK - 1u)) == 0u;
@@ -14,7 +15,12 @@ void pass_trace_closest() {
     bool has_path = place < length;
     uint slot = has_path && bounce != 0u ? queue_slot(QUEUE_TRACE, place) : has_path ? place : 0u;
     // All invocations trace: a traversal may need the whole subgroup. A ray that ends before it starts meets nothing.
-    Hit hit = trace_closest(pool.origin.at[slot].xyz, pool.direction.at[slot].xyz, has_path ? INFINITY : -1.0);
+    vec3 origin = pool.origin.at[slot].xyz;
+    vec3 direction = pool.direction.at[slot].xyz;
+    Hit hit = trace_closest(origin, direction, has_path ? INFINITY : -1.0);
+    if (hit.instance != NO_HIT && is_in_patch(scene, hit, origin, direction)) {
+        hit.triangle |= IN_PATCH;
+    }
     if (has_path) {
         pool.hit_key.at[slot].xy = uvec2(hit.instance, hit.triangle);
     }
@@ -24,7 +30,7 @@ void pass_trace_closest() {
         uint family = uint(findLSB(FAMILY_MASK));
         uint part = 0u;
         if (!ONE_FAMILY || NEUBRDF_QUEUES > 1u) {
-            uint flags = scene.materials.at[material_of(mesh, hit.triangle)].flags;
+            uint flags = scene.materials.at[material_of_hit(scene, mesh, hit.triangle)].flags;
             family = material_family(flags);
             part = flags >> MATERIAL_PART_SHIFT;
         }

@@ -7,6 +7,7 @@
 #include "layout/scene.glsl"
 #include "lib/frame.glsl"
 #include "lib/offset.glsl"
+#include "lib/patches.glsl"
 #include "lib/texture.glsl"
 #include "lib/triangle.glsl"
 
@@ -56,7 +57,7 @@ Surface surface_at(SceneTable scene, Hit hit, vec3 origin, vec3 direction, bool 
     const float gamma_7 = 7.0 * 5.97e-8;
     InstanceRecord instance = scene.instances.at[hit.instance];
     MeshRecord mesh = MeshRecord(scene.meshes.at[instance.mesh]);
-    uvec3 corners = mesh.indices.at[hit.triangle];
+    uvec3 corners = mesh.indices.at[HAS_PATCHES ? hit.triangle & ~IN_PATCH : hit.triangle];
     vec3 v0 = mesh.positions.at[corners.x];
     vec3 v1 = mesh.positions.at[corners.y];
     vec3 v2 = mesh.positions.at[corners.z];
@@ -120,7 +121,7 @@ Surface surface_at(SceneTable scene, Hit hit, vec3 origin, vec3 direction, bool 
     }
     surface.uv_density = has_uvs(mesh) ? uv_area / length(cross(edge_1, edge_2)) : 1e12;
     surface.front = normalize_or(geometric, vec3(0.0, 1.0, 0.0));
-    surface.material = material_of(mesh, hit.triangle);
+    surface.material = material_of_hit(scene, mesh, hit.triangle);
     if (HAS_NORMAL_MAPS) {
         uint map = scene.materials.at[surface.material].normal_map;
         if (map != NO_TEXTURE) {

@@ -206,6 +206,10 @@ typedef enum NeubrdfReserve {
    * Materials with a texture of what they emit.
    */
   NEUBRDF_RESERVE_EMISSION_MAPS = 2097152,
+  /**
+   * Materials with patches of another one.
+   */
+  NEUBRDF_RESERVE_PATCHES = 4194304,
 } NeubrdfReserve;
 
 /**
@@ -524,6 +528,15 @@ typedef struct NeubrdfMaterial {
    * 1 + the index of a texture that `emission` is multiplied by; 0 for none.
    */
   uint32_t emission_texture;
+  /**
+   * 1 + the index of a texture; where its red is at least ½, the material `patch_material` stands instead, of which all counts but its opacity.
+   * Neither emits. 0 for none.
+   */
+  uint32_t patch_map;
+  /**
+   * The index of a material without such patches.
+   */
+  uint32_t patch_material;
 } NeubrdfMaterial;
 
 /**

@@ -87,6 +87,8 @@ pub enum NeubrdfReserve {
     RoughnessMaps = 1048576,
     /// Materials with a texture of what they emit.
     EmissionMaps = 2097152,
+    /// Materials with patches of another one.
+    Patches = 4194304,
 }
 
 /// What a host may choose; all of it may be 0.
@@ -277,6 +279,7 @@ impl NeubrdfOptions {
             normal_maps: has(NeubrdfReserve::NormalMaps),
             roughness_maps: has(NeubrdfReserve::RoughnessMaps),
             emission_maps: has(NeubrdfReserve::EmissionMaps),
+            patches: has(NeubrdfReserve::Patches),
             neubrdf_queues: self.neubrdf_count.clamp(1, Features::MOST_NEUBRDF_QUEUES),
         })
     }

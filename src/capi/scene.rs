@@ -8,8 +8,8 @@ use half::f16;
 use super::call::{Failure, NeubrdfResult, array, call, end, hand_over, object, path, put, read, sized_structs, text};
 use crate::gpu::HostMesh;
 use crate::scene::{
-    Camera, Color, Environment, Film, Fresnel, Instance, Lens, Material, Mesh, Opacity, Scene, Sun, Surface, Texture,
-    TexturePlacement, Warning,
+    Camera, Color, Environment, Film, Fresnel, Instance, Lens, Material, Mesh, Opacity, Patches, Scene, Sun, Surface,
+    Texture, TexturePlacement, Warning,
 };
 
 /// What is rendered. Renderers take a copy.
@@ -114,6 +114,11 @@ pub struct NeubrdfMaterial {
     pub roughness_map: u32,
     /// 1 + the index of a texture that `emission` is multiplied by; 0 for none.
     pub emission_texture: u32,
+    /// 1 + the index of a texture; where its red is at least ½, the material `patch_material` stands instead, of which all counts but its opacity.
+    /// Neither emits. 0 for none.
+    pub patch_map: u32,
+    /// The index of a material without such patches.
+    pub patch_material: u32,
 }
 
 sized_structs! { NeubrdfCamera: 52, NeubrdfMesh: 56, NeubrdfMaterial: 76 }
@@ -211,6 +216,7 @@ impl NeubrdfMaterial {
             opacity,
             normal_map: self.normal_map.checked_sub(1),
             roughness_map: self.roughness_map.checked_sub(1),
+            patches: self.patch_map.checked_sub(1).map(|map| Patches { map, material: self.patch_material }),
         })
     }
 }

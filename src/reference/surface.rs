@@ -145,7 +145,9 @@ impl<'a> SurfacePoint<'a> {
         let uv_density = uv_density(edges, uvs.map(|[a, b, c]| [b - a, c - a]));
 
         let sample = |texture: u32| scene.textures[texture as usize].sample(uv.as_vec2());
-        let material_index = mesh.material(triangle);
+        let whole = mesh.material(triangle);
+        let patches = scene.materials[whole as usize].patches.filter(|patches| sample(patches.map).x >= 0.5);
+        let material_index = patches.map_or(whole, |patches| patches.material);
         let material = &scene.materials[material_index as usize];
         let reflectance = color(&material.surface);
         let mut surface_color = reflectance.value.as_dvec3();

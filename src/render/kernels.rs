@@ -42,6 +42,8 @@ pub struct Features {
     pub normal_maps: bool,
     /// Some material on a mesh has a map of its roughness.
     pub roughness_maps: bool,
+    /// Some material on a mesh has patches of another one.
+    pub patches: bool,
     /// Some triangle emits by a texture.
     pub emission_maps: bool,
     /// The camera has a lens.
@@ -59,6 +61,9 @@ impl Features {
         for instance in &scene.instances {
             for material in &scene.meshes[instance.mesh as usize].materials {
                 used[*material as usize] = true;
+                if let Some(patches) = scene.materials[*material as usize].patches {
+                    used[patches.material as usize] = true;
+                }
             }
         }
         let used = || scene.materials.iter().zip(&used).filter(|(_, used)| **used).map(|(material, _)| material);
@@ -73,6 +78,7 @@ impl Features {
             holes: used().any(|material| !material.opacity.is_whole()),
             normal_maps: used().any(|material| material.normal_map.is_some()),
             roughness_maps: used().any(|material| material.roughness_map.is_some()),
+            patches: used().any(|material| material.patches.is_some()),
             emission_maps: used().any(|material| material.is_emissive() && material.emission_texture.is_some()),
             footprints: used().any(|material| is_spatial(&material.surface, &scene.brdfs)),
             lens: scene.camera.lens.is_some(),
@@ -94,6 +100,7 @@ impl Features {
         holes: false,
         normal_maps: false,
         roughness_maps: false,
+        patches: false,
         emission_maps: false,
         footprints: false,
         lens: false,
@@ -112,6 +119,7 @@ impl Features {
             holes: self.holes || other.holes,
             normal_maps: self.normal_maps || other.normal_maps,
             roughness_maps: self.roughness_maps || other.roughness_maps,
+            patches: self.patches || other.patches,
             emission_maps: self.emission_maps || other.emission_maps,
             footprints: self.footprints || other.footprints,
             lens: self.lens || other.lens,
@@ -134,6 +142,7 @@ impl Features {
             (self.holes || !other.holes, "materials with holes"),
             (self.normal_maps || !other.normal_maps, "maps of normals"),
             (self.roughness_maps || !other.roughness_maps, "maps of roughness"),
+            (self.patches || !other.patches, "materials with patches of another"),
             (self.emission_maps || !other.emission_maps, "textures that emit"),
             (self.footprints || !other.footprints, "NeuBRDFs that vary over a texture"),
             (self.lens || !other.lens, "a lens"),
@@ -182,6 +191,7 @@ impl Features {
             flag(16, self.normal_maps),
             flag(17, self.roughness_maps),
             flag(18, self.emission_maps),
+            flag(19, self.patches),
             (26, self.neubrdf_queues),
             (27, settings.roulette_after),
             flag(29, self.footprints),

@@ -117,6 +117,8 @@ crate::shared_structs! {
         pub normal_map: u32,
         pub roughness_map: u32,
         pub emission_texture: u32,
+        pub patch_map: u32,
+        pub patch_material: u32,
         pub padding: u32,
     }
 }
@@ -138,7 +140,8 @@ impl MaterialRecord {
 
     /// All of a material but the address of its table.
     fn new(material: &Material, prepared: &Prepared, brdfs: &[Arc<Brdf>]) -> MaterialRecord {
-        let Material { surface, emission, emission_texture, opacity, normal_map, roughness_map, .. } = material;
+        let Material { surface, emission, emission_texture, opacity, normal_map, roughness_map, patches, .. } =
+            material;
         let color = color(surface);
         let mut flags = family(surface, brdfs) as u32;
         if let Surface::Measured { brdf } = *surface {
@@ -179,6 +182,8 @@ impl MaterialRecord {
             normal_map: normal_map.unwrap_or(Self::NO_TEXTURE),
             roughness_map: roughness_map.filter(|_| has_boundary).unwrap_or(Self::NO_TEXTURE),
             emission_texture: emission_texture.unwrap_or(Self::NO_TEXTURE),
+            patch_map: patches.map_or(Self::NO_TEXTURE, |patches| patches.map),
+            patch_material: patches.map_or(0, |patches| patches.material),
             padding: 0,
         }
     }

@@ -189,6 +189,17 @@ impl Scene {
             "one that no map of roughness can vary",
             "metal, glass or coated, or without such a map",
         )?;
+        let is_plain = |material: &Material| material.patches.is_none() && !material.is_emissive();
+        let stands_in_patches =
+            || self.materials.iter().any(|other| other.patches.is_some_and(|p| p.material == index));
+        if let Some(patches) = material.patches {
+            ensure_index(|| part("patches"), patches.material, self.materials.len())?;
+            ensure(!material.is_emissive(), || part("patches"), "there", "none, as it emits")?;
+            let fine = patches.material != index && is_plain(&self.materials[patches.material as usize]);
+            ensure(fine, || part("patches"), "of a material that emits or has patches", "of another one")?;
+        }
+        let fine = is_plain(material) || !stands_in_patches();
+        ensure(fine, || part("emission and patches"), "there", "none, as it stands in another one's patches")?;
         let alpha_is_fine = |alpha: f32| (0.0..=1.0).contains(&alpha);
         match &material.surface {
             Surface::Diffuse { .. } => Ok(()),

@@ -9,12 +9,12 @@ use glam::{Affine3A, EulerRot, Mat3, Quat, Vec2, Vec3};
 use super::error::{Error, Place, Warning, nearest};
 use super::light::BRIGHTEST;
 use super::mesh::{self, LARGEST_COORDINATE};
-use super::mtl::{Holds, Library, TextureFile};
+use super::mtl::{Holds, Library, TextureFile, metal_of};
 use super::obj::{self, Normals, beside};
 use super::table::{Source, Table, Value, read_text};
 use super::{
     Bounds, Camera, Color, Environment, Film, Fresnel, Instance, LayerBase, Layered, Lens, Material, Mesh, Opacity,
-    Scene, Sun, Surface, Texture, TexturePlacement, Woven, decode, metals,
+    Patches, Scene, Sun, Surface, Texture, TexturePlacement, Woven, decode, metals,
 };
 
 /// Size of the picture unless the scene file says otherwise.
@@ -155,9 +155,12 @@ fn framing(bounds: &Bounds, film: Film) -> Camera {
 fn decode_textures(scene: &mut Scene, files: &[TextureFile], warnings: &mut Vec<Warning>) -> Result<(), Error> {
     // What became of a file, once it is decoded.
     let mut decoded: Vec<Option<Option<u32>>> = vec![None; files.len()];
-    for Material { surface, emission_texture, opacity, normal_map, roughness_map, .. } in &mut scene.materials {
+    for material in &mut scene.materials {
+        let Material { surface, emission_texture, opacity, normal_map, roughness_map, patches, .. } = material;
         let of_color = surface.color_mut().map(|color| &mut color.texture);
-        for texture in of_color.into_iter().chain([emission_texture, &mut opacity.texture, normal_map, roughness_map]) {
+        let mut of_patches = patches.map(|patches| patches.map);
+        let others = [emission_texture, &mut opacity.texture, normal_map, roughness_map, &mut of_patches];
+        for texture in of_color.into_iter().chain(others) {
             let Some(index) = texture.map(|index| index as usize) else { continue };
             if decoded[index].is_none() {
                 let found = decode_texture(&files[index], files, warnings)?;
@@ -168,6 +171,7 @@ fn decode_textures(scene: &mut Scene, files: &[TextureFile], warnings: &mut Vec<
             }
             *texture = decoded[index].flatten();
         }
+        *patches = patches.zip(of_patches).map(|(patches, map)| Patches { map, ..patches });
     }
     Ok(())
 }
@@ -189,7 +193,7 @@ fn decode_texture(
             Ok(Some(texture))
         }
         Holds::Opacities => decode::opacity(path, named_by, warnings).map(Some),
-        Holds::Normals | Holds::Roughnesses => decode::numbers(path, named_by, warnings).map(Some),
+        Holds::Normals | Holds::Roughnesses | Holds::Metalness => decode::numbers(path, named_by, warnings).map(Some),
         Holds::Bumps(height) => match decode::numbers(path, named_by, warnings) {
             Ok(texture) if texture.holds_normals() => Ok(Some(texture)),
             Ok(texture) => {
@@ -358,8 +362,10 @@ fn override_material(name: &str, value: &Value, file: &Path, library: &mut Libra
                 .map_or(Ok(before.emits_both_sides), |value| value.boolean())?,
             opacity: table.get("opacity").map_or(Ok(before.opacity), |value| opacity(&value, file, library))?,
             normal_map,
-            name: before.name,
+            name: before.name.clone(),
+            patches: before.patches,
         };
+        metal_map(&table, index, &before, file, library)?;
         let material = &library.materials[index];
         let has_both = material.is_emissive() && !material.opacity.is_whole();
         if let Some(value) = table.get("opacity").or_else(|| table.get("emission")).filter(|_| has_both) {
@@ -412,8 +418,32 @@ fn roughness_map(
     texture(&value, Holds::Roughnesses, file, library).map(Some)
 }
 
+/// The metal that a material is where a map says so, of the colour and the roughness that a table leaves it with.
+fn metal_map(table: &Table, index: usize, before: &Material, file: &Path, library: &mut Library) -> Result<(), Error> {
+    let value = table.get("metal_map");
+    let map = value.as_ref().map(|value| texture(value, Holds::Metalness, file, library)).transpose()?;
+    let material = library.materials[index].clone();
+    let Some(map) = map.or(material.patches.map(|patches| patches.map)) else { return Ok(()) };
+    let keeps_surface = material.surface == before.surface && material.roughness_map == before.roughness_map;
+    let metal_before = before.patches.filter(|_| keeps_surface);
+    let metal_before = metal_before.map(|patches| library.materials[patches.material as usize].clone());
+    let (alpha, roughness_map) = match (&material.surface, metal_before) {
+        (_, Some(Material { surface: Surface::Conductor { alpha, .. }, roughness_map, .. })) => {
+            (Some(alpha), roughness_map)
+        }
+        (Surface::Coated { alpha, .. }, _) => (Some(Vec2::splat(*alpha)), material.roughness_map),
+        _ => (None, None),
+    };
+    match (alpha.and_then(|alpha| metal_of(&material, alpha, roughness_map)), value) {
+        (Some(metal), _) => library.set_metal(index as u32, map, metal),
+        (None, Some(value)) => return Err(value.error("no map of metal but on a coated surface that does not emit")),
+        (None, None) => library.materials[index].patches = None,
+    }
+    Ok(())
+}
+
 /// Keys of all surfaces that stand in a scene.
-pub(super) const OF_A_SCENE: [&str; 4] = ["emission", "emission_texture", "emits_both_sides", "opacity"];
+pub(super) const OF_A_SCENE: [&str; 5] = ["emission", "emission_texture", "emits_both_sides", "opacity", "metal_map"];
 /// Keys of maps: [`super::SurfaceMaps`]. `neubrdf train` reads them all, a scene all but the last.
 pub(super) const MAPS: [&str; 3] = ["roughness_map", "normal_map", "anisotropy_direction_map"];
 /// What is expected where such a key stands elsewhere.

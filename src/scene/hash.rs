@@ -5,8 +5,8 @@ use bytemuck::{NoUninit, cast_slice};
 use glam::{Affine3A, Vec3};
 
 use super::{
-    Camera, Color, Environment, Film, Fresnel, Instance, LayerBase, Layered, Lens, Material, Mesh, Scene, Sun, Surface,
-    Texture, TexturePlacement, Woven, Yarn,
+    Camera, Color, Environment, Film, Fresnel, Instance, LayerBase, Layered, Lens, Material, Mesh, Patches, Scene, Sun,
+    Surface, Texture, TexturePlacement, Woven, Yarn,
 };
 
 impl Scene {
@@ -46,6 +46,7 @@ impl Scene {
                 opacity,
                 normal_map,
                 roughness_map,
+                patches,
             } = material;
             put_surface(&mut hasher, surface);
             put(&mut hasher, &[*emission]);
@@ -66,6 +67,10 @@ impl Scene {
             if let Some(texture) = roughness_map {
                 put(&mut hasher, b"roughness map");
                 put(&mut hasher, &[*texture]);
+            }
+            if let Some(Patches { map, material }) = patches {
+                put(&mut hasher, b"patches");
+                put(&mut hasher, &[*map, *material]);
             }
         }
         for Texture { name: _, width, height, texels, placement } in textures {

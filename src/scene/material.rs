@@ -25,6 +25,17 @@ pub struct Material {
     /// Index into [`super::Scene::textures`] of the roughness along u (red) and v (green), instead of the surface's own: α is its square. Of a
     /// [`Surface::takes_roughness_map`]; where that has one α, it is the mean of both.
     pub roughness_map: Option<u32>,
+    /// Where another material stands. What emits has no patches.
+    pub patches: Option<Patches>,
+}
+
+/// Patches of another material: rust on paint, gold on a glaze.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Patches {
+    /// Index into [`super::Scene::textures`]: they are where its first number is at least ½.
+    pub map: u32,
+    /// Index into [`super::Scene::materials`] of the other one, of which all counts but its opacity. It neither emits nor has patches itself.
+    pub material: u32,
 }
 
 /// The probability with which a ray meets a surface; otherwise it goes on as if there were nothing. Leaves are cut out of their triangles by it.
@@ -171,6 +182,7 @@ impl Material {
             opacity: Opacity::WHOLE,
             normal_map: None,
             roughness_map: None,
+            patches: None,
         }
     }
 
@@ -181,7 +193,10 @@ impl Material {
 
     /// The textures that it looks up: indices into [`super::Scene::textures`].
     pub fn textures(&self) -> impl Iterator<Item = u32> {
-        let Material { emission_texture, opacity, normal_map, roughness_map, .. } = *self;
-        [self.surface.texture(), emission_texture, opacity.texture, normal_map, roughness_map].into_iter().flatten()
+        let Material { emission_texture, opacity, normal_map, roughness_map, patches, .. } = *self;
+        let map = patches.map(|patches| patches.map);
+        [self.surface.texture(), emission_texture, opacity.texture, normal_map, roughness_map, map]
+            .into_iter()
+            .flatten()
     }
 }

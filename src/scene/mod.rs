@@ -40,7 +40,7 @@ pub use check::Flaw;
 pub use error::{Error, Place, Warning};
 pub use layered::{LayerBase, Layered};
 pub use light::{Environment, Light, LightTable, Sun, luminance};
-pub use material::{Color, Fresnel, Material, Opacity, Surface};
+pub use material::{Color, Fresnel, Material, Opacity, Patches, Surface};
 pub use mesh::{Bounds, Instance, Mesh};
 pub use surface_maps::SurfaceMaps;
 pub use texture::{Texture, TexturePlacement};

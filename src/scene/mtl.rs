@@ -11,7 +11,7 @@ use super::error::{Error, Place, Warning, open, quote};
 use super::light::BRIGHTEST;
 use super::obj::beside;
 use super::statements::{Fault, Statements, number};
-use super::{Brdf, Color, Fresnel, Material, Opacity, Surface, TexturePlacement};
+use super::{Brdf, Color, Fresnel, Material, Opacity, Patches, Surface, TexturePlacement};
 
 /// The materials and texture files of a scene, gathered from its OBJ and MTL files.
 #[derive(Default)]
@@ -46,6 +46,7 @@ pub(super) enum Holds {
     Opacities,
     Normals,
     Roughnesses,
+    Metalness,
     /// Normals, as most that is called a bump map; or heights, and how far white is above black, in texels.
     Bumps(Height),
 }
@@ -134,15 +135,30 @@ impl Library {
     /// Adds the material of a name in an OBJ file. Returns its index.
     pub fn material(&mut self, obj: &Path, name: &str) -> u32 {
         let index = self.materials.len() as u32;
-        let material = match self.definitions.get(name).cloned() {
+        let (material, metal) = match self.definitions.get(name).cloned() {
             Some(definition) => self.interpret(&definition),
             None => {
                 self.undefined.push((index, obj.to_owned()));
-                default_material(name)
+                (default_material(name), None)
             }
         };
         self.materials.push(material);
+        if let Some((map, metal)) = metal {
+            self.set_metal(index, map, metal);
+        }
         index
+    }
+
+    /// Lets a metal stand where a map of a material says so.
+    pub fn set_metal(&mut self, index: u32, map: u32, metal: Material) {
+        let next = self.materials.len() as u32;
+        let patches = &mut self.materials[index as usize].patches;
+        let material = patches.map_or(next, |patches| patches.material);
+        *patches = Some(Patches { map, material });
+        match self.materials.get_mut(material as usize) {
+            Some(before) => *before = metal,
+            None => self.materials.push(metal),
+        }
     }
 
     /// Adds the material of faces that name none. Returns its index.
@@ -172,8 +188,8 @@ impl Library {
         Ok(self.brdfs.len() as u32 - 1)
     }
 
-    /// What an MTL material amounts to; docs/scenes.md has the table.
-    fn interpret(&mut self, Definition { place, material }: &Definition) -> Material {
+    /// What an MTL material amounts to; docs/scenes.md has the table. And where a map says that it is a metal, that map and the metal.
+    fn interpret(&mut self, Definition { place, material }: &Definition) -> (Material, Option<(u32, Material)>) {
         let place = &Place { field: Some(format!("material `{}`", material.name)), ..place.clone() };
         let specular = self.reflectance(place, "Ks", material.specular.unwrap_or_default());
         let mut albedo = Color::constant(Vec3::ONE);
@@ -199,7 +215,8 @@ impl Library {
         let stretch = |alpha: f32| Vec2::new((alpha / aspect).min(1.0), alpha * aspect);
 
         let illumination = material.illumination_model.unwrap_or(2);
-        let metallic = parameter("Pm").unwrap_or(0.0);
+        let metalness = material.unknown_param.get("map_Pm");
+        let metallic = parameter("Pm").filter(|_| metalness.is_none()).unwrap_or(0.0);
         let no_base = albedo.value == Vec3::ZERO;
         let surface = if matches!(illumination, 4 | 6 | 7 | 9) {
             let ior = self.index(place, material.optical_density, 0.1);
@@ -233,11 +250,32 @@ impl Library {
         let bumps = material.normal_texture.as_ref().map(|name| ("bump", name, Holds::Bumps(height)));
         let normal_map =
             normals.or(bumps).map(|(statement, name, holds)| self.map(place, material, statement, name, holds));
-        let roughnesses = material.unknown_param.get("map_Pr").filter(|_| surface.takes_roughness_map());
-        let roughness_map = roughnesses.map(|name| self.map(place, material, "map_Pr", name, Holds::Roughnesses));
+        let may_be_rough = surface.takes_roughness_map() || metalness.is_some();
+        let roughnesses = material.unknown_param.get("map_Pr").filter(|_| may_be_rough);
+        let any_roughness_map = roughnesses.map(|name| self.map(place, material, "map_Pr", name, Holds::Roughnesses));
+        let roughness_map = any_roughness_map.filter(|_| surface.takes_roughness_map());
         let name = material.name.clone();
         let emits_both_sides = false;
-        Material { name, surface, emission, emission_texture, emits_both_sides, opacity, normal_map, roughness_map }
+        let patches = None;
+        let material_here = Material {
+            name,
+            surface,
+            emission,
+            emission_texture,
+            emits_both_sides,
+            opacity,
+            normal_map,
+            roughness_map,
+            patches,
+        };
+        let metal = metalness.and_then(|name| {
+            let Some(metal) = metal_of(&material_here, stretch(alpha_or(0.0)), any_roughness_map) else {
+                self.warn(place.clone(), "`map_Pm` is ignored, as it emits, is glass, or is a metal all over");
+                return None;
+            };
+            Some((self.map(place, material, "map_Pm", name, Holds::Metalness), metal))
+        });
+        (material_here, metal)
     }
 
     /// The number of the texture that a statement names, placed as its options say.
@@ -279,6 +317,15 @@ impl Library {
     }
 }
 
+/// The metal of a matte or coated material's colour; none of others, and of those that emit.
+pub(super) fn metal_of(material: &Material, alpha: Vec2, roughness_map: Option<u32>) -> Option<Material> {
+    let (Surface::Diffuse { albedo } | Surface::Coated { albedo, .. }) = material.surface else { return None };
+    let surface = Surface::Conductor { fresnel: Fresnel::Schlick { f0: albedo }, alpha };
+    let name = format!("{} (metal)", material.name);
+    let metal = Material { normal_map: material.normal_map, roughness_map, ..Material::new(name, surface) };
+    (!material.is_emissive()).then_some(metal)
+}
+
 /// Statements of a material that have no effect here, though they might be missed.
 fn unused_statements(material: &tobj::Material) -> Vec<&str> {
     let tobj::Material { specular_texture, shininess_texture, .. } = material;
@@ -288,7 +335,7 @@ fn unused_statements(material: &tobj::Material) -> Vec<&str> {
         .unknown_param
         .keys()
         .map(String::as_str)
-        .filter(|name| !["map_Ke", "Pr", "map_Pr", "Pm", "aniso", "norm", BUMP_HEIGHT].contains(name))
+        .filter(|name| !["map_Ke", "Pr", "map_Pr", "Pm", "map_Pm", "aniso", "norm", BUMP_HEIGHT].contains(name))
         .filter(|name| !name.ends_with(PLACED));
     maps.chain(others).collect()
 }
@@ -347,7 +394,7 @@ fn check(statement: &str, named: bool, out: &mut String) -> Result<Option<String
             out.push_str(&format!("{keyword} {file}\n"));
             let is_bump = ["bump", "map_Bump", "map_bump"].contains(&keyword);
             let statement = if is_bump { "bump" } else { keyword };
-            if !["map_Kd", "map_Ke", "map_d", "map_Pr", "bump", "norm"].contains(&statement) {
+            if !["map_Kd", "map_Ke", "map_d", "map_Pr", "map_Pm", "bump", "norm"].contains(&statement) {
                 return Ok(None);
             }
             let mut placement = TexturePlacement::default();

@@ -7,7 +7,9 @@ use half::f16;
 use neubrdf::plugin::{Change, Options, Renderer, Update};
 use neubrdf::render::bvh::Bvh;
 use neubrdf::render::{Family, Features, Sampler, Settings};
-use neubrdf::scene::{Brdf, Camera, Color, Environment, Instance, Lens, Material, Mesh, Scene, Sun, Surface, Texture};
+use neubrdf::scene::{
+    Brdf, Camera, Color, Environment, Instance, Lens, Material, Mesh, Patches, Scene, Sun, Surface, Texture,
+};
 
 use crate::common;
 use crate::common::random_neubrdf::{Shape, random_neubrdf};
@@ -239,6 +241,50 @@ fn maps_of_roughness_and_emission_may_come_and_go() {
             if is_mapped {
                 assert!(unprepared.update(&change).is_err());
             }
+        }
+    });
+}
+
+/// What stands in them follows its own material, and they come and go.
+#[test]
+fn patches_may_come_and_go() {
+    in_lavapipe_hosts(|host| {
+        let device = host.lend();
+        let mut now = scene();
+        let texel = |i: u8| [f32::from(i % 3) / 2.0, 0.0, 0.0, 1.0].map(f16::from_f32);
+        now.textures = vec![Texture::new("map", 4, (0..16).map(texel).collect())];
+        let other = now.materials.len() as u32;
+        now.materials.push(common::material("other", common::conductor(0.9, 0.1)));
+        let families = 1 << Family::Conductor as u32 | 1 << Family::Diffuse as u32;
+        let reserve = Features { families, patches: true, textures: true, ..Features::NONE };
+        let mut renderer = Renderer::new(&device, now.clone(), &Options { reserve, ..options_of(host) }).unwrap();
+        let mut unprepared = Renderer::new(&device, now.clone(), &options_of(host)).unwrap();
+        let before = frame(host, &device, &mut renderer, 2).0;
+        for (index, surface, has_patches) in [
+            (0, common::diffuse(0.4), true),
+            (other, common::diffuse(0.1), false),
+            (1, common::conductor(0.5, 0.3), true),
+            (0, common::diffuse(0.4), false),
+        ] {
+            let material = &mut now.materials[index as usize];
+            material.patches = has_patches.then_some(Patches { map: 0, material: other });
+            material.surface = surface;
+            let change = [Change::Material { index, material: material.clone() }];
+            renderer.update(&change).unwrap();
+            let picture = frame(host, &device, &mut renderer, 2).0;
+            assert!(picture == expected(host, &now, 2), "{:?}", now.materials[index as usize]);
+            assert!(picture != before);
+            if has_patches {
+                assert!(unprepared.update(&change).is_err());
+            }
+        }
+        // What stands in patches has none, and does not emit.
+        for change in [
+            Material { emission: Vec3::ONE, ..now.materials[other as usize].clone() },
+            Material { patches: now.materials[1].patches, ..now.materials[other as usize].clone() },
+        ] {
+            let error = renderer.update(&[Change::Material { index: other, material: change }]).unwrap_err();
+            assert!(error.to_string().contains("patches"), "{error}");
         }
     });
 }
