@@ -10,6 +10,7 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use glam::{Affine3A, Mat3, Vec3};
+use neubrdf::converge::warm_up;
 use neubrdf::gpu::{BlasGeometry, Device, DeviceChoice, Update, Upload, Validation};
 use neubrdf::render::bvh::Bvh;
 use neubrdf::render::{Intersector, Query, Ray, Traversal};
@@ -58,15 +59,23 @@ fn speed(device: &Arc<Device>, rounds: usize) -> anyhow::Result<()> {
             let few: Vec<Ray> = rays.chunks(64).step_by(step).flatten().copied().collect();
             let few_batch = ray_query.as_ref().map(|tracer| tracer.upload(&few)).transpose()?;
             let [mut single, mut streams, mut own, mut query_times] = [const { Vec::new() }; 4];
-            for _ in 0..rounds {
+            // CPUs take turns; a GPU would idle meanwhile.
+            let (turns, in_a_row) = if device.profile().is_cpu { (rounds, 1) } else { (1, rounds) };
+            for _ in 0..turns {
                 #[cfg(feature = "embree")]
-                {
+                for _ in 0..in_a_row {
                     single.push(embree_seconds(&embree, rays, *query, false));
                     streams.push(embree_seconds(&embree, rays, *query, true));
                 }
-                own.push(seconds(|| bvh.trace(&batch, *query))?);
+                warm_up(device.profile(), || bvh.trace(&batch, *query))?;
+                for _ in 0..in_a_row {
+                    own.push(seconds(|| bvh.trace(&batch, *query))?);
+                }
                 if let (Some(tracer), Some(batch)) = (&ray_query, &few_batch) {
-                    query_times.push(seconds(|| tracer.trace(batch, *query))?);
+                    warm_up(device.profile(), || tracer.trace(batch, *query))?;
+                    for _ in 0..in_a_row {
+                        query_times.push(seconds(|| tracer.trace(batch, *query))?);
+                    }
                 }
             }
             let rate = |times: &mut Vec<f64>, count: usize| median(times).map(|time| count as f64 / time / 1e6);
@@ -97,6 +106,7 @@ fn scaling(device: &Arc<Device>, rounds: usize, most: i32) -> anyhow::Result<()>
         let mut rates = Vec::new();
         for (_, query, rays) in &sets[..2] {
             let batch = bvh.upload(rays)?;
+            warm_up(device.profile(), || bvh.trace(&batch, *query))?;
             let mut times =
                 (0..rounds).map(|_| seconds(|| bvh.trace(&batch, *query))).collect::<Result<Vec<_>, _>>()?;
             rates.push(rays.len() as f64 / median(&mut times).unwrap_or(f64::NAN) / 1e6);

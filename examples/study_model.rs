@@ -227,7 +227,7 @@ fn time(arguments: &Arguments, device: &Arc<Device>, truths: &[Truth], fitted: &
                 let path = fit_path(arguments, truth, model.sizes)?.with_extension("neubrdf");
                 let brdf = NeuBrdf::decode(&std::fs::read(&path).with_context(|| path.display().to_string())?)?;
                 let evaluations = Evaluations::new(device, &brdf, precision)?;
-                let timings: Vec<_> = (0..ROUNDS).map(|_| evaluations.run()).collect::<Result<_>>()?;
+                let timings = evaluations.timings(ROUNDS)?;
                 let mut of_rounds: Vec<f64> = timings.iter().map(|timing| evaluations.own_rate(timing)).collect();
                 of_rounds.sort_by(f64::total_cmp);
                 rates.push(of_rounds[ROUNDS / 2]);

@@ -1,12 +1,13 @@
 //! Samples a second on the Cornell box, ours and Mitsuba's in turns.
 
 use anyhow::Result;
-use neubrdf::gpu::{DeviceChoice, Instance, Validation};
+use neubrdf::gpu::{Device, DeviceChoice, Instance, Validation};
 use neubrdf::render::{Limits, Options, Renderer, Sampler, Settings, Traversal, run as run_passes};
 use std::collections::BTreeMap;
 use std::ops::ControlFlow;
+use std::sync::Arc;
 
-use crate::measure::{Spread, Stopwatch, Timing, bar, cores};
+use crate::measure::{Spread, Stopwatch, Timing, bar, cores, warm_up};
 use crate::peer::Mitsuba;
 
 pub const SAMPLES: u32 = 64;
@@ -18,7 +19,7 @@ const LONGEST_SECONDS: f64 = 20.0;
 const FEW_SAMPLES: u32 = 8;
 
 enum Who {
-    Ours(Box<Renderer>),
+    Ours(Box<Renderer>, Arc<Device>),
     Mitsuba(Mitsuba),
 }
 
@@ -63,11 +64,15 @@ impl Who {
     fn render(&mut self, samples: u32, round: u32) -> Result<Timing> {
         match self {
             Who::Mitsuba(mitsuba) => mitsuba.render("independent", samples, round),
-            Who::Ours(renderer) => {
+            Who::Ours(renderer, device) => {
                 // It goes on where it was: the samples are others, the work is the same.
-                let limits = Limits { samples: renderer.samples() + samples, seconds: None, error: None };
+                let mut more = |samples| {
+                    let limits = Limits { samples: renderer.samples() + samples, seconds: None, error: None };
+                    run_passes(renderer, &limits, |_, _| ControlFlow::Continue(()))
+                };
+                warm_up(device.profile(), || more(samples).map(drop))?;
                 let watch = Stopwatch::own();
-                run_passes(renderer, &limits, |_, _| ControlFlow::Continue(()))?;
+                more(samples)?;
                 Ok(watch.stop())
             }
         }
@@ -95,7 +100,12 @@ pub fn run() -> Result<()> {
                 let prepare = watch.stop().seconds;
                 let name = format!("{}, {traversal}, {sampler}", report.driver.split(' ').next().unwrap_or("?"));
                 let pixels = f64::from(scene.film.width * scene.film.height);
-                contenders.push(Contender::new(name, Who::Ours(Box::new(renderer)), Some(prepare), pixels)?);
+                contenders.push(Contender::new(
+                    name,
+                    Who::Ours(Box::new(renderer), device.clone()),
+                    Some(prepare),
+                    pixels,
+                )?);
             }
         }
     }

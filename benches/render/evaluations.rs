@@ -5,7 +5,7 @@ use std::time::Instant;
 
 use anyhow::{Context, Result};
 use glam::DVec3;
-use neubrdf::converge::{Stopwatch, Timing, cores};
+use neubrdf::converge::{Stopwatch, Timing, cores, warm_up};
 use neubrdf::gpu::{Buffer, Commands, Device, Kernel, Memory, spirv};
 use neubrdf::render::{NeuBrdfPush, NeuBrdfQuery, NeuBrdfShape, NeuBrdfValues, pack_nbrdf, pack_neubrdf};
 use neubrdf::scene::brdf::{Nbrdf, NeuBrdf, Precision};
@@ -70,6 +70,12 @@ impl Evaluations {
         evaluations.run()?;
         evaluations.first = started.elapsed().as_secs_f64();
         Ok(evaluations)
+    }
+
+    /// Times so many runs, at the pace that the device keeps.
+    pub fn timings(&self, runs: usize) -> Result<Vec<Timing>> {
+        warm_up(self.device.profile(), || self.run().map(drop))?;
+        (0..runs).map(|_| self.run()).collect()
     }
 
     /// Evaluations of a run.

@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-pub use neubrdf::converge::{Stopwatch, Timing, cores, load_average};
+pub use neubrdf::converge::{Stopwatch, Timing, cores, load_average, warm_up};
 
 /// Median, least and greatest of some measurements.
 #[derive(Clone, Copy, Debug)]

@@ -9,7 +9,7 @@ use neubrdf::gpu::{DeviceChoice, Instance, Validation};
 use neubrdf::scene::brdf::{CornerWeights, Nbrdf, Precision};
 
 use crate::evaluations::Evaluations;
-use crate::measure::{Spread, Timing};
+use crate::measure::Spread;
 use crate::random_neubrdf::{Shape, random_neubrdf};
 
 const ROUNDS: usize = 5;
@@ -50,7 +50,7 @@ pub fn run() -> Result<()> {
 }
 
 fn measure(name: &str, evaluations: &Evaluations) -> Result<()> {
-    let timings: Vec<Timing> = (0..ROUNDS).map(|_| evaluations.run()).collect::<Result<_>>()?;
+    let timings = evaluations.timings(ROUNDS)?;
     let wall = Spread::of(timings.iter().map(|timing| evaluations.rate(timing)));
     let own = Spread::of(timings.iter().map(|timing| evaluations.own_rate(timing)));
     let first = evaluations.first;

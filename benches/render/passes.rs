@@ -7,7 +7,7 @@ use neubrdf::gpu::{DeviceChoice, Instance, Validation};
 use neubrdf::render::{Options, Renderer, Settings};
 
 use crate::cornell::MAX_DEPTH;
-use crate::measure::{Spread, bar};
+use crate::measure::{Spread, bar, warm_up};
 
 const SAMPLES: u32 = 16;
 const ROUNDS: usize = 5;
@@ -22,6 +22,7 @@ pub fn run() -> Result<()> {
         let bar = bar(ROUNDS);
         let (mut plain, mut timed, mut kernels) = (Vec::new(), Vec::new(), Vec::<(String, Vec<f64>)>::new());
         renderer.render_pass(SAMPLES)?;
+        warm_up(device.profile(), || renderer.render_pass(SAMPLES).map(drop))?;
         for _ in 0..ROUNDS {
             let started = Instant::now();
             renderer.render_pass(SAMPLES)?;

@@ -1,11 +1,16 @@
 //! Times, and how busy the rest of the machine was meanwhile (by /proc: elsewhere than on Linux processor times are 0).
 
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use serde::{Deserialize, Serialize};
 
+use crate::gpu::Profile;
+
 /// Ticks of /proc a second (USER_HZ, which is 100 on every Linux).
 const TICKS: f64 = 100.0;
+
+/// How long a GPU is kept busy before something is timed.
+const WARM_UP: Duration = Duration::from_millis(500);
 
 /// What something took.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -45,6 +50,19 @@ impl Stopwatch {
         let others = ((busy_seconds() - self.busy - cpu_seconds) / seconds.max(1e-9)).max(0.0);
         Timing { seconds, cpu_seconds, others }
     }
+}
+
+/// Does work over and over until a GPU runs at the pace that it keeps. Within milliseconds without work it lowers its clocks (an H100's from 1980
+/// to 345 MHz), and it takes its time to raise them: what is timed too early looks up to five times as slow.
+///
+/// # Errors
+/// The work's.
+pub fn warm_up<E>(profile: &Profile, mut work: impl FnMut() -> Result<(), E>) -> Result<(), E> {
+    let started = Instant::now();
+    while !profile.is_cpu && started.elapsed() < WARM_UP {
+        work()?;
+    }
+    Ok(())
 }
 
 /// Seconds that all cores together were busy since the machine started.

@@ -15,7 +15,7 @@ mod student;
 mod z_test;
 
 pub use chi_square::{ChiSquare, chi_square_survival, chi_square_test};
-pub use clock::{Stopwatch, Timing, cores, load_average};
+pub use clock::{Stopwatch, Timing, cores, load_average, warm_up};
 pub use compare::{Comparison, difference, difference_rgb8, prove_equal, write_difference_png, write_evidence};
 pub use estimate::{CONFIDENCE, Estimate};
 pub use line::Line;

@@ -11,8 +11,8 @@ use serde::{Deserialize, Serialize};
 use super::error::Error;
 use super::method::{self, Method};
 use crate::converge::Mitsuba;
-use crate::converge::clock::{Stopwatch, Timing};
-use crate::gpu::{Device, DeviceChoice, Instance, Validation};
+use crate::converge::clock::{Stopwatch, Timing, warm_up};
+use crate::gpu::{Device, DeviceChoice, Instance, Profile, Validation};
 use crate::image::Picture;
 use crate::render::{self, Limits, Options, Renderer, Sampler, Settings};
 use crate::scene::Scene;
@@ -65,8 +65,8 @@ pub struct Rendered {
 
 /// A scene and a method, ready to render.
 pub enum Engine<'a> {
-    /// The wavefront.
-    Vulkan(Box<Renderer>),
+    /// The wavefront, and what the device is.
+    Vulkan(Box<Renderer>, Profile),
     /// Embree.
     #[cfg(feature = "embree")]
     Embree(Box<crate::reference::Reference<'a>>, u32),
@@ -106,7 +106,7 @@ impl<'a> Engine<'a> {
                     device: format!("{} ({})", device.name(), device.driver()),
                     traversal: renderer.traversal().to_string(),
                 };
-                Ok((Engine::Vulkan(Box::new(renderer)), preparation))
+                Ok((Engine::Vulkan(Box::new(renderer), device.profile().clone()), preparation))
             }
             #[cfg(feature = "embree")]
             method::Engine::Embree => {
@@ -146,7 +146,8 @@ impl<'a> Engine<'a> {
     /// Renders from scratch; `None` if `stop` was set meanwhile.
     pub fn render(&mut self, spp: u32, seed: u32, stop: &AtomicBool) -> Result<Option<Rendered>, Error> {
         match self {
-            Engine::Vulkan(renderer) => {
+            Engine::Vulkan(renderer, profile) => {
+                warm_up(profile, || renderer.render_pass(1).map(drop))?;
                 renderer.restart(seed)?;
                 let watch = Stopwatch::own();
                 let limits = Limits { samples: spp, seconds: None, error: None };
