@@ -21,37 +21,65 @@ pub struct KernelPlan {
     pub specialization: Vec<(u32, u32)>,
 }
 
-/// What a scene has, as far as kernels differ by it.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Features {
-    /// Bit f: a material of family f is on a mesh.
-    pub families: u32,
-    /// Queues of [`Family::NeuBrdf`], one a model: from 1 to [`Features::MOST_NEUBRDF_QUEUES`].
-    pub neubrdf_queues: u32,
+/// Declares [`Features`]: of what is there or not, each with the specialization constant that kernels know it by, and the words for it.
+macro_rules! features {
+    ($($(#[$doc:meta])* $name:ident: $constant:literal, $words:literal;)*) => {
+        /// What a scene has, as far as kernels differ by it.
+        #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+        pub struct Features {
+            /// Bit f: a material of family f is on a mesh.
+            pub families: u32,
+            /// Queues of [`Family::NeuBrdf`], one a model: from 1 to [`Features::MOST_NEUBRDF_QUEUES`].
+            pub neubrdf_queues: u32,
+            $($(#[$doc])* pub $name: bool,)*
+        }
+
+        impl Features {
+            /// No feature at all.
+            pub const NONE: Features = Features { families: 0, neubrdf_queues: 1, $($name: false,)* };
+
+            /// What one of both has.
+            pub fn or(&self, other: &Features) -> Features {
+                Features {
+                    families: self.families | other.families,
+                    neubrdf_queues: self.neubrdf_queues.max(other.neubrdf_queues),
+                    $($name: self.$name || other.$name,)*
+                }
+            }
+
+            /// What is there or not: constant, whether it is, words.
+            fn flags(&self) -> impl Iterator<Item = (u32, bool, &'static str)> {
+                [$(($constant, self.$name, $words),)*].into_iter()
+            }
+        }
+    };
+}
+
+features! {
     /// Some triangle emits.
-    pub emitters: bool,
+    emitters: 2, "emissive triangles";
     /// There is a sky.
-    pub environment: bool,
+    environment: 3, "a sky";
     /// There is a sun.
-    pub sun: bool,
+    sun: 4, "a sun";
     /// Some material on a mesh has a texture.
-    pub textures: bool,
+    textures: 6, "textures";
     /// Some material on a mesh lets rays through.
-    pub holes: bool,
+    holes: 15, "materials with holes";
     /// Some material on a mesh has a map of normals.
-    pub normal_maps: bool,
+    normal_maps: 16, "maps of normals";
     /// Some material on a mesh has a map of its roughness.
-    pub roughness_maps: bool,
-    /// Some material on a mesh has patches of another one.
-    pub patches: bool,
+    roughness_maps: 17, "maps of roughness";
     /// Some triangle emits by a texture.
-    pub emission_maps: bool,
-    /// The camera has a lens.
-    pub lens: bool,
+    emission_maps: 18, "textures that emit";
+    /// Some material on a mesh has patches of another one.
+    patches: 19, "materials with patches of another";
     /// Some material on a mesh varies over a texture otherwise than by a colour.
-    pub footprints: bool,
+    footprints: 29, "NeuBRDFs that vary over a texture";
+    /// The camera has a lens.
+    lens: 8, "a lens";
     /// More than one instance, or one that is moved.
-    pub instanced: bool,
+    instanced: 7, "instances that move";
 }
 
 impl Features {
@@ -89,66 +117,17 @@ impl Features {
     /// More models than this share queues.
     pub const MOST_NEUBRDF_QUEUES: u32 = 16;
 
-    /// No feature at all.
-    pub const NONE: Features = Features {
-        families: 0,
-        neubrdf_queues: 1,
-        emitters: false,
-        environment: false,
-        sun: false,
-        textures: false,
-        holes: false,
-        normal_maps: false,
-        roughness_maps: false,
-        patches: false,
-        emission_maps: false,
-        footprints: false,
-        lens: false,
-        instanced: false,
-    };
-
-    /// What one of both has.
-    pub fn or(&self, other: &Features) -> Features {
-        Features {
-            families: self.families | other.families,
-            neubrdf_queues: self.neubrdf_queues.max(other.neubrdf_queues),
-            emitters: self.emitters || other.emitters,
-            environment: self.environment || other.environment,
-            sun: self.sun || other.sun,
-            textures: self.textures || other.textures,
-            holes: self.holes || other.holes,
-            normal_maps: self.normal_maps || other.normal_maps,
-            roughness_maps: self.roughness_maps || other.roughness_maps,
-            patches: self.patches || other.patches,
-            emission_maps: self.emission_maps || other.emission_maps,
-            footprints: self.footprints || other.footprints,
-            lens: self.lens || other.lens,
-            instanced: self.instanced || other.instanced,
-        }
-    }
-
     /// Something that `other` has and this lacks.
     pub fn lacks_of(&self, other: &Features) -> Option<String> {
         let missing = Family::ALL.into_iter().find(|family| other.has(*family) && !self.has(*family));
         if let Some(family) = missing {
             return Some(format!("materials of the family {}", family.name()));
         }
-        let what = [
-            (self.neubrdf_queues >= other.neubrdf_queues, "so many NeuBRDFs"),
-            (self.emitters || !other.emitters, "emissive triangles"),
-            (self.environment || !other.environment, "a sky"),
-            (self.sun || !other.sun, "a sun"),
-            (self.textures || !other.textures, "textures"),
-            (self.holes || !other.holes, "materials with holes"),
-            (self.normal_maps || !other.normal_maps, "maps of normals"),
-            (self.roughness_maps || !other.roughness_maps, "maps of roughness"),
-            (self.patches || !other.patches, "materials with patches of another"),
-            (self.emission_maps || !other.emission_maps, "textures that emit"),
-            (self.footprints || !other.footprints, "NeuBRDFs that vary over a texture"),
-            (self.lens || !other.lens, "a lens"),
-            (self.instanced || !other.instanced, "instances that move"),
-        ];
-        what.into_iter().find(|(fine, _)| !fine).map(|(_, what)| what.to_string())
+        if self.neubrdf_queues < other.neubrdf_queues {
+            return Some("so many NeuBRDFs".to_owned());
+        }
+        let missing = self.flags().zip(other.flags()).find(|((_, has, _), (_, needs, _))| *needs && !has);
+        missing.map(|((_, _, words), _)| words.to_owned())
     }
 
     /// Whether some material of the family is in the scene.
@@ -174,28 +153,17 @@ impl Features {
     /// The kernels that render a scene with these features, in the order in which a bounce runs them.
     pub fn kernels(&self, traversal: Traversal, settings: &Settings, workgroup_size: u32) -> Vec<KernelPlan> {
         let flag = |id: u32, value: bool| (id, u32::from(value));
-        let common = [
+        let mut common = vec![
             (0, workgroup_size),
             (1, settings.sampler as u32),
-            flag(2, self.emitters),
-            flag(3, self.environment),
-            flag(4, self.sun),
             (5, self.families),
-            flag(6, self.textures),
-            flag(7, self.instanced),
-            flag(8, self.lens),
             flag(9, settings.features),
             flag(13, settings.light_sampling),
             (14, settings.bsdf_sampling as u32),
-            flag(15, self.holes),
-            flag(16, self.normal_maps),
-            flag(17, self.roughness_maps),
-            flag(18, self.emission_maps),
-            flag(19, self.patches),
             (26, self.neubrdf_queues),
             (27, settings.roulette_after),
-            flag(29, self.footprints),
         ];
+        common.extend(self.flags().map(|(id, has, _)| flag(id, has)));
         let [closest, shadow] = trace_kernels(traversal);
         let samples_lights = self.has_lights() && settings.max_depth > 1 && settings.light_sampling;
         let names = [
@@ -207,7 +175,7 @@ impl Features {
         .into_iter()
         .chain(Family::ALL.map(|family| self.has(family).then_some(shade_kernel(family))))
         .chain([samples_lights.then_some(shadow), Some("resolve"), Some("estimate_error")]);
-        names.flatten().map(|name| KernelPlan { name, specialization: common.to_vec() }).collect()
+        names.flatten().map(|name| KernelPlan { name, specialization: common.clone() }).collect()
     }
 }
 
