@@ -1,0 +1,78 @@
+//! MTL files.
+
+use super::*;
+
+#[test]
+fn mtl_statements_map_onto_surfaces() {
+    let rgb = |r, g, b| Color::constant(Vec3::new(r, g, b));
+    let grey = |value| Color::constant(Vec3::splat(value));
+    let metal = |f0, alpha| Surface::Conductor { fresnel: Fresnel::Schlick { f0 }, alpha };
+    for (text, surface) in [
+        ("", Surface::Diffuse { albedo: grey(0.5) }),
+        ("Kd .1 .2 .3\n", Surface::Diffuse { albedo: rgb(0.1, 0.2, 0.3) }),
+        ("Kd .25\n", Surface::Diffuse { albedo: grey(0.25) }),
+        ("Kd .5 .5 .5\nKs 1 1 1\nNs 0\nillum 1\n", Surface::Diffuse { albedo: grey(0.5) }),
+        ("Kd .5 .5 .5\nKs 1 1 1\nNs 198\nillum 2\n", Surface::Coated { albedo: grey(0.5), ior: 1.5, alpha: 0.1 }),
+        ("Kd .5\nKs 1\nNi 1.3\nPr .5\n", Surface::Coated { albedo: grey(0.5), ior: 1.3, alpha: 0.25 }),
+        ("Kd 0\nKs .9 .8 .7\nNs 198\nillum 3\n", metal(rgb(0.9, 0.8, 0.7), Vec2::splat(0.1))),
+        ("Kd 0\nKs .9\nNs 198\nillum 5\n", metal(grey(0.9), Vec2::ZERO)),
+        ("Kd .9 .6 .3\nPm 1\nPr .5\n", metal(rgb(0.9, 0.6, 0.3), Vec2::splat(0.25))),
+        ("Kd 1\nillum 7\nNi 1.33\n", Surface::Dielectric { ior: 1.33, alpha: 0.0 }),
+        ("illum 4\nPr .2\n", Surface::Dielectric { ior: 1.5, alpha: 0.2f32 * 0.2 }),
+    ] {
+        let (material, warnings) = mtl(text);
+        assert_eq!(material.surface, surface, "{text}");
+        assert!(warnings.is_empty(), "{text}: {warnings:?}");
+    }
+    let (stretched, _) = mtl("Kd 1\nPm 1\nPr .5\naniso 1\n");
+    let Surface::Conductor { alpha, .. } = stretched.surface else { panic!("{stretched:?}") };
+    assert!((alpha.x / alpha.y - 10.0).abs() < 1e-3);
+    assert_eq!(mtl("Ke 1 2 3\n").0.emission, Vec3::new(1.0, 2.0, 3.0));
+}
+
+#[test]
+fn unsupported_mtl_statements_warn_once_each() {
+    let (_, warnings) = mtl("map_Ks a.png\nmap_Ns b.png\nmap_Ns c.png\nKd 2\nPm .7\nnewmtl n\nmap_Ks x.png\n");
+    for part in ["`map_Ks`", "`map_Ns`", "clamped", "Pm 0.7 is taken as 1"] {
+        assert_eq!(warnings.iter().filter(|warning| warning.contains(part)).count(), 1, "{part}: {warnings:?}");
+    }
+    assert_eq!(warnings.len(), 4);
+}
+
+#[test]
+fn mtl_materials_dissolve() {
+    for (text, value, says) in [
+        ("Kd 1\n", 1.0, None),
+        ("d .25\n", 0.25, None),
+        ("d -halo .25\n", 0.25, None),
+        ("Tr .25\n", 1.0, None),
+        ("d 1.5\n", 1.0, Some("clamped to 1")),
+        ("d 0\n", 0.0, Some("cannot be seen")),
+        ("d .25\nillum 7\n", 1.0, None),
+        ("d .25\nKe 1\n", 1.0, Some("ignored, as it emits")),
+    ] {
+        let (material, warnings) = mtl(text);
+        assert_eq!(material.opacity, Opacity { value, texture: None }, "{text}");
+        assert_eq!(warnings.len(), usize::from(says.is_some()), "{text}: {warnings:?}");
+        says.iter().for_each(|part| assert!(warnings[0].contains(part), "{warnings:?}"));
+    }
+}
+
+#[test]
+fn mtl_errors_name_file_and_line() {
+    for (text, parts) in [
+        ("Kd .5 .5\n", vec!["a.mtl:2", "`Kd`", "the end of the statement", "a number"]),
+        ("Kd -1 0 0\n", vec!["`Kd`", "-1", "at least 0"]),
+        ("Kd spectral x.rfl\n", vec!["`spectral`"]),
+        ("Ns inf\n", vec!["`Ns`", "`inf`", "finite"]),
+        ("illum 11\n", vec!["`illum`", "`11`", "0 to 10"]),
+        ("map_Kd -clamp\n", vec!["`map_Kd`", "no file"]),
+        ("v 0 0 0\n", vec!["a statement of an OBJ file"]),
+        ("\u{1}\n", vec!["an MTL statement"]),
+        ("map_Kd absent.png\n", vec!["absent.png: cannot be read", "named by", "a.mtl:1", "`m`"]),
+    ] {
+        let files = [("a.obj", TRIANGLE), ("a.mtl", &format!("newmtl m\n{text}"))];
+        let error = Folder::new(&files).load("a.obj").map(|_| ()).unwrap_err().to_string();
+        parts.iter().for_each(|part| assert!(error.contains(part), "{error}: lacks {part}"));
+    }
+}

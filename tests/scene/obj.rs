@@ -1,0 +1,144 @@
+//! OBJ files.
+
+use super::*;
+
+#[test]
+fn polygons_become_triangles_and_indices_may_count_backwards() {
+    let (scene, warnings) = obj("v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nv -1 .5 0\nf 1 2 3 4 5\nf -5 -4 -3\n");
+    let [a, b, c, d, e] = [[0., 0.], [1., 0.], [1., 1.], [0., 1.], [-1., 0.5]].map(|[x, y]| Vec3::new(x, y, 0.0));
+    assert_eq!(triangles(&scene.meshes[0]), [[a, b, c], [a, c, d], [a, d, e], [a, b, c]]);
+    assert_eq!(scene.meshes[0].positions.len(), 5);
+    assert!(scene.meshes[0].normals.is_empty(), "a flat mesh needs no normals");
+    assert!(warnings.is_empty());
+}
+
+#[test]
+fn concave_polygons_keep_their_outline() {
+    let (scene, _) = obj("v 0 0 0\nv 2 -1 0\nv .5 0 0\nv 2 1 0\nf 2 3 4 1\n");
+    let areas = triangles(&scene.meshes[0]).into_iter().map(|[a, b, c]| (b - a).cross(c - a).z / 2.0);
+    assert!(areas.clone().all(|area| area > 0.0));
+    assert!((areas.sum::<f32>() - 0.5).abs() < 1e-6);
+}
+
+#[test]
+fn a_texture_without_coordinates_warns() {
+    let folder = Folder::new(&[("a.obj", TRIANGLE), ("a.mtl", "newmtl m\nmap_Kd t.png\n")]);
+    image::RgbImage::new(1, 1).save(folder.path("t.png")).unwrap();
+    let (_, warnings) = folder.load("a.obj").unwrap();
+    assert!(warnings[0].to_string().contains("no texture coordinates, though its material `m`"), "{}", warnings[0]);
+}
+
+#[test]
+fn objects_and_materials_of_a_file_become_one_mesh() {
+    let folder = Folder::new(&[
+        (
+            "a.obj",
+            "mtllib a b.mtl\nmtllib second.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\no one\nusemtl red wine\nf 1 2 3\no two\nusemtl blue\nf 1 3 2\nusemtl red wine\nf 2 1 3\n",
+        ),
+        ("a b.mtl", "newmtl red wine\nKd .5 0 0\n"),
+        ("second.mtl", "newmtl blue\nKd 0 0 .5\nnewmtl unused\nKd 1 1 1\n"),
+    ]);
+    let scene = folder.scene("a.obj");
+    assert_eq!(scene.meshes.len(), 1);
+    assert_eq!(scene.meshes[0].materials, [0, 1, 0]);
+    let names: Vec<&str> = scene.materials.iter().map(|material| material.name.as_str()).collect();
+    assert_eq!(names, ["red wine", "blue"]);
+    let albedo = |rgb: [f32; 3]| Surface::Diffuse { albedo: Color::constant(Vec3::from_array(rgb)) };
+    assert_eq!(scene.materials[0].surface, albedo([0.5, 0.0, 0.0]));
+    assert_eq!(scene.materials[1].surface, albedo([0.0, 0.0, 0.5]));
+}
+
+#[test]
+fn continuation_lines_comments_colours_and_windows_line_ends_are_read() {
+    let (scene, _) = obj(
+        "# C:\\models\\\r\n# \u{fffd}\r\nv 0 0 0 1 0 0\r\nv 1 0 0 1\r\nv 0 1 0 # third\r\nf 1 2 \\\r\n3 # done\r\n",
+    );
+    assert_eq!(triangles(&scene.meshes[0]), [[Vec3::ZERO, Vec3::X, Vec3::Y]]);
+}
+
+#[test]
+fn a_missing_mtl_is_a_warning_and_grey() {
+    let folder = Folder::new(&[("a.obj", TRIANGLE)]);
+    let (scene, warnings) = folder.load("a.obj").unwrap();
+    let grey = Surface::Diffuse { albedo: Color::constant(Vec3::splat(0.5)) };
+    assert_eq!(scene.materials[0].surface, grey);
+    assert!(warnings[0].to_string().contains("a.obj:1: there is no "), "{}", warnings[0]);
+    assert!(warnings[1].to_string().contains("`m` is not defined"), "{}", warnings[1]);
+}
+
+#[test]
+fn degenerate_triangles_are_dropped_with_one_warning() {
+    let (scene, warnings) = obj("v 0 0 0\nv 1 0 0\nv 0 1 0\nv 9 9 9\nf 1 2 3\nf 1 1 2\nf 4 4 4\n");
+    assert_eq!(scene.meshes[0].triangles.len(), 1);
+    assert_eq!(scene.meshes[0].positions.len(), 3, "their vertices go too");
+    assert_eq!(warnings.len(), 1);
+    assert!(warnings[0].to_string().ends_with("a.obj: dropped 2 triangles without area"), "{}", warnings[0]);
+}
+
+#[test]
+fn obj_errors_name_file_line_and_index() {
+    for (text, parts) in [
+        ("v 0 0 0\nv nan 0 0\n", vec!["a.obj:2", "`v`", "`nan` in vertex 2", "a finite number"]),
+        ("v 0 0 0\nv 1e39 0 0\n", vec!["a.obj:2", "`1e39` in vertex 2"]),
+        ("v 0 0 1e9\n", vec!["a.obj:1", "1000000000 in vertex 1", "at most 1e8"]),
+        ("v 0 0\n", vec!["a.obj:1", "the end of the statement in vertex 1"]),
+        ("v 0 0 0\nv 1 0 0\nf 1 2 3\n", vec!["a.obj:3", "`f`", "the index 3 of a position", "1 to 2"]),
+        ("v 0 0 0\nf 1 -1 -2\n", vec!["a.obj:2", "the index -2"]),
+        ("v 0 0 0\nf 0 1 1\n", vec!["the index 0"]),
+        ("v 0 0 0\nf 1/1 1/1 1/1\n", vec!["index 1 of a texture coordinate", "no texture coordinate precedes"]),
+        ("v 0 0 0\nf 1//2 1//2 1//2\n", vec!["index 2 of a normal"]),
+        ("v 0 0 0\nf a 1 1\n", vec!["`a` in the corner `a`", "whole number"]),
+        ("v 0 0 0\nf 1////1 1 1\n", vec!["`1////1`"]),
+        ("v 0 0 0\nf 1 1\n", vec!["a face of 2 corners"]),
+        ("v 0 0 0\nff 1 1 1\n", vec!["a.obj:2", "the statement `ff`"]),
+        ("v 0 0 0\n", vec!["a.obj: found no triangle"]),
+        ("usemtl\n", vec!["a.obj:1", "no name"]),
+    ] {
+        let error = Folder::new(&[("a.obj", text)]).load("a.obj").map(|_| ()).unwrap_err().to_string();
+        parts.iter().for_each(|part| assert!(error.contains(part), "{error}: lacks {part}"));
+    }
+}
+
+#[test]
+fn normals_are_smoothed_up_to_the_crease_angle() {
+    let with = |options: &str| {
+        let file = format!("[[mesh]]\nfile = 'a.obj'\n{options}\n[environment]\nradiance = 1\n");
+        Folder::new(&[("a.obj", ROOF), ("s.toml", &file)]).scene("s.toml").meshes.remove(0)
+    };
+    assert!(with("").normals.is_empty());
+    assert!(with("normals = 'flat'").normals.is_empty());
+    for options in ["crease_angle = 61", "normals = 'smooth'"] {
+        let mesh = with(options);
+        assert_eq!(mesh.positions.len(), 4, "no vertex is split");
+        for (position, normal) in mesh.positions.iter().zip(&mesh.normals) {
+            // On the ridge the mean of both sides, elsewhere the side's own.
+            let expected = Vec3::new(position.x * 0.5, if position.x == 0.0 { 1.0 } else { 0.75f32.sqrt() }, 0.0);
+            assert!((*normal - expected).length() < 1e-6, "{position}: {normal}");
+        }
+    }
+}
+
+#[test]
+fn a_smooth_sphere_points_outwards_and_a_cube_stays_flat() {
+    let octahedron = "v 1 0 0\nv -1 0 0\nv 0 1 0\nv 0 -1 0\nv 0 0 1\nv 0 0 -1\n\
+        f 1 3 5\nf 3 2 5\nf 2 4 5\nf 4 1 5\nf 3 1 6\nf 2 3 6\nf 4 2 6\nf 1 4 6\n";
+    let file = "[[mesh]]\nfile = 'a.obj'\nnormals = 'smooth'\n[environment]\nradiance = 1\n";
+    let mesh = Folder::new(&[("a.obj", octahedron), ("s.toml", file)]).scene("s.toml").meshes.remove(0);
+    for (position, normal) in mesh.positions.iter().zip(&mesh.normals) {
+        assert!((*position - *normal).length() < 1e-6);
+    }
+}
+
+#[test]
+fn given_normals_are_kept_and_made_unit() {
+    let (scene, warnings) = obj("v 0 0 0\nv 1 0 0\nv 0 1 0\nvn 0 0 2\nvn 0 3 4\nvn 0 0 0\nf 1//1 2//2 3//3\n");
+    assert_eq!(scene.meshes[0].normals, [Vec3::Z, Vec3::new(0.0, 0.6, 0.8), Vec3::Z]);
+    assert!(warnings.is_empty());
+}
+
+#[test]
+fn faces_with_and_without_coordinates_warn() {
+    let (scene, warnings) = obj("v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nf 1/1 2/1 3/1\nf 1 3 2\n");
+    assert!(scene.meshes[0].uvs.is_empty());
+    assert!(warnings[0].to_string().contains("some faces have texture coordinates"), "{}", warnings[0]);
+}
