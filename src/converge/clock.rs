@@ -52,8 +52,8 @@ impl Stopwatch {
     }
 }
 
-/// Does work over and over until a GPU runs at the pace that it keeps. Within milliseconds without work it lowers its clocks (an H100's from 1980
-/// to 345 MHz), and it takes its time to raise them: what is timed too early looks up to five times as slow.
+/// Does work over and over until a GPU runs at the pace that it keeps. After a second or two without work it lowers its clocks (an H100's from 1980
+/// to 345 MHz), and it takes some 0.3 s of work to raise them: what is timed too early looks up to five times as slow.
 ///
 /// # Errors
 /// The work's.
