@@ -103,7 +103,6 @@ pub fn climb(name: &str, scene: &Scene, for_mitsuba: impl AsRef<OsStr>) -> Resul
     });
     let peers = [("independent", SAMPLES), ("multijitter", SAMPLES), ("orthogonal", ORTHOGONAL_SAMPLES)];
     let mut peers = peers.map(|(sampler, samples)| (sampler, Ladder::new(format!("Mitsuba, {sampler}"), &samples)));
-    let mut warm = Renderer::new(&device, scene, &Settings::default(), &Options::default())?;
     let bar = bar(seeds as usize * SAMPLES.len() * (ours.len() + peers.len()));
     for seed in 0..seeds {
         for (rung, samples) in SAMPLES.into_iter().enumerate() {
@@ -112,7 +111,8 @@ pub fn climb(name: &str, scene: &Scene, for_mitsuba: impl AsRef<OsStr>) -> Resul
                 let settings =
                     Settings { max_depth: MAX_DEPTH, sampler: *sampler, seed, features: false, ..Settings::default() };
                 let mut renderer = Renderer::new(&device, scene, &settings, &Options::default())?;
-                warm_up(device.profile(), || warm.render_pass(samples).map(drop))?;
+                warm_up(device.profile(), || renderer.render_pass(1).map(drop))?;
+                renderer.restart(seed)?;
                 let limits = Limits { samples, seconds: None, error: None };
                 run_passes(&mut renderer, &limits, |_, _| ControlFlow::Continue(()))?;
                 let metrics = Metrics::of(&renderer.picture()?.0, &truth.picture, 0.0)?;

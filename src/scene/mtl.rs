@@ -254,28 +254,16 @@ impl Library {
         let roughnesses = material.unknown_param.get("map_Pr").filter(|_| may_be_rough);
         let any_roughness_map = roughnesses.map(|name| self.map(place, material, "map_Pr", name, Holds::Roughnesses));
         let roughness_map = any_roughness_map.filter(|_| surface.takes_roughness_map());
-        let name = material.name.clone();
-        let emits_both_sides = false;
-        let patches = None;
-        let material_here = Material {
-            name,
-            surface,
-            emission,
-            emission_texture,
-            emits_both_sides,
-            opacity,
-            normal_map,
-            roughness_map,
-            patches,
-        };
+        let plain = Material::new(material.name.clone(), surface);
+        let whole = Material { emission, emission_texture, opacity, normal_map, roughness_map, ..plain };
         let metal = metalness.and_then(|name| {
-            let Some(metal) = metal_of(&material_here, stretch(alpha_or(0.0)), any_roughness_map) else {
+            let Some(metal) = metal_of(&whole, stretch(alpha_or(0.0)), any_roughness_map) else {
                 self.warn(place.clone(), "`map_Pm` is ignored, as it emits, is glass, or is a metal all over");
                 return None;
             };
             Some((self.map(place, material, "map_Pm", name, Holds::Metalness), metal))
         });
-        (material_here, metal)
+        (whole, metal)
     }
 
     /// The number of the texture that a statement names, placed as its options say.
