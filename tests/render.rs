@@ -259,6 +259,13 @@ fn a_scene_builds_only_the_kernels_that_it_needs() {
             "estimate_error"
         ]
     );
+    let mut sky_only = still_life(diffuse(0.5));
+    sky_only.materials[2].emission = Vec3::ZERO;
+    let even = ["generate", "trace_closest_bvh", "shade_miss", "shade_diffuse", "resolve", "estimate_error"];
+    assert_eq!(kernels(&sky_only, &beauty), even, "paths find an even sky by themselves");
+    let bright_spot = [Vec3::ONE, Vec3::ONE, Vec3::ONE, Vec3::splat(50.0)].repeat(2);
+    sky_only.environment = Some(Environment { width: 4, height: 2, texels: bright_spot, rotation_degrees: 0.0 });
+    assert!(kernels(&sky_only, &beauty).contains(&"trace_shadow_bvh"));
     let mut measured = still_life(Surface::Measured { brdf: 0 });
     measured.brdfs = vec![Arc::new(Brdf::Nbrdf(networks::made(3.0, 20.0, 0.05)))];
     let names = kernels(&measured, &beauty);

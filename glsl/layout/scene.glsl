@@ -72,11 +72,13 @@ layout(buffer_reference, scalar, buffer_reference_align = 8) readonly buffer Sce
     uvec2 environment_size;      // texels around, texels from zenith to nadir
     vec2 environment_rotation;   // cos and sin of the sky's turn about +y
     float emitter_density;       // times Y(emission) and sides: density per area of a point on an emitter
-    float environment_density;   // times Y(radiance): density per solid angle of a direction to the sky
+    float environment_density;   // times what Y(radiance) has above the floor: density per solid angle of a direction to the sky
+    float environment_floor;
     float sun_probability;
     vec3 sun_direction;
     vec3 sun_irradiance;
     float reach;                 // longer than any chord of the scene
+    uint padding;
 };
 
 #endif

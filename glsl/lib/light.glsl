@@ -11,10 +11,11 @@
 
 layout(constant_id = 2) const bool HAS_EMITTERS = false;
 layout(constant_id = 3) const bool HAS_ENVIRONMENT = false;
+layout(constant_id = 33) const bool HAS_UNEVEN_SKY = false;      // an even one is left to the BSDF's samples
 layout(constant_id = 4) const bool HAS_SUN = false;
 layout(constant_id = 18) const bool HAS_EMISSION_MAPS = false;   // some emitter's emission is by a texture
 
-const bool HAS_LIGHTS = HAS_EMITTERS || HAS_ENVIRONMENT || HAS_SUN;
+const bool HAS_LIGHTS = HAS_EMITTERS || HAS_UNEVEN_SKY || HAS_SUN;
 
 struct LightSample {
     vec3 to_light;   // from the shading point to the light, or just beyond the scene
@@ -33,20 +34,24 @@ struct Lights {
     uint emitter_count;
     float emitter_density;
     float environment_density;
+    float environment_floor;
 };
 
 Lights lights_of(SceneTable scene) {
     return Lights(uvec2(scene.light_alias), uvec2(scene.emitters), scene.light_count, scene.emitter_count,
-                  scene.emitter_density, scene.environment_density);
+                  scene.emitter_density, scene.environment_density, scene.environment_floor);
 }
 
+// To the bit what src/scene/light.rs computes, as small differences of it become densities.
 float luminance(vec3 color) {
-    return dot(color, vec3(0.2126, 0.7152, 0.0722));
+    precise float sum = (color.r * 0.2126 + color.g * 0.7152) + color.b * 0.0722;
+    return sum;
 }
 
-// Balance heuristic.
+// Power heuristic (Veach 1997), exponent 2.
 float mis_weight(float pdf, float other_pdf) {
-    return pdf / (pdf + other_pdf);
+    float ratio = other_pdf / pdf;
+    return 1.0 / (1.0 + ratio * ratio);
 }
 
 // Density per unit solid angle of light-sampling a point on an emitter of that mean luminance, `distance_squared` away at |cos| `cosine`.
@@ -55,7 +60,7 @@ float emitter_pdf(Lights lights, float brightness, bool both_sides, float distan
 }
 
 float environment_pdf(Lights lights, vec3 radiance) {
-    return lights.environment_density * luminance(radiance);
+    return lights.environment_density * max(luminance(radiance) - lights.environment_floor, 0.0);
 }
 
 vec3 environment_radiance(SceneTable scene, vec3 direction) {
@@ -123,7 +128,7 @@ LightSample sample_light(SceneTable scene, Lights lights, vec3 position, uvec2 u
     if (HAS_EMITTERS && index < lights.emitter_count) {
         return sample_emitter(scene, lights, index, position, place);
     }
-    if (HAS_ENVIRONMENT && !(HAS_SUN && index == lights.count - 1u)) {
+    if (HAS_UNEVEN_SKY && !(HAS_SUN && index == lights.count - 1u)) {
         return sample_environment(scene, lights, index - lights.emitter_count, place);
     }
     return LightSample(scene.sun_direction * scene.reach, vec3(0.0), scene.sun_irradiance, scene.sun_probability, true);

@@ -1,4 +1,4 @@
-// NeuBRDFs that are read by buffer reference, two directions of light together.
+// NeuBRDFs that are read by buffer reference, up to two directions of light together.
 //
 // Every invocation of a subgroup evaluates the same model. CPU drivers do not know that a load is the same for all invocations: there
 // each invocation loads other weights, and they are handed around.
@@ -71,16 +71,20 @@ vec4 neubrdf_next(inout NeuBrdfRun run, uint place) {
         subgroupShuffle(run.held.x, lane + 2u), subgroupShuffle(run.held.x, lane + 3u));
 }
 
-#define NEUBRDF_DIRECTIONS 2
+// 1: only the second direction is asked for.
+layout(constant_id = 34) const uint NEUBRDF_DIRECTIONS = 2u;
 
 #include "lib/neubrdf.glsl"
 
 // f(wo, wi) as seen at a place, without the cosine, for directions above the surface. `table` is the same for all invocations of a subgroup.
 void neubrdf_eval_pair(uvec2 table, NeuBrdfPlace place, vec3 wo, vec3 wi_1, vec3 wi_2, out vec3 f_1, out vec3 f_2) {
+    vec3 wi[NEUBRDF_DIRECTIONS];
     vec3 f[NEUBRDF_DIRECTIONS];
-    neubrdf_values(NeuBrdfTable(table), place, wo, vec3[NEUBRDF_DIRECTIONS](wi_1, wi_2), f);
+    wi[0] = wi_1;
+    wi[NEUBRDF_DIRECTIONS - 1u] = wi_2;
+    neubrdf_values(NeuBrdfTable(table), place, wo, wi, f);
     f_1 = f[0];
-    f_2 = f[1];
+    f_2 = f[NEUBRDF_DIRECTIONS - 1u];
 }
 
 #endif

@@ -123,7 +123,7 @@ typedef enum NeubrdfReserve {
    */
   NEUBRDF_RESERVE_EMITTERS = 1,
   /**
-   * A sky.
+   * A sky; or, where there is an even one, one that is much brighter here than there.
    */
   NEUBRDF_RESERVE_ENVIRONMENT = 2,
   /**

@@ -45,7 +45,7 @@ pub enum NeubrdfSampler {
 pub enum NeubrdfReserve {
     /// Materials that emit.
     Emitters = 1,
-    /// A sky.
+    /// A sky; or, where there is an even one, one that is much brighter here than there.
     Environment = 2,
     /// A sun.
     Sun = 4,
@@ -270,6 +270,7 @@ impl NeubrdfOptions {
             families: mask,
             emitters: has(NeubrdfReserve::Emitters),
             environment: has(NeubrdfReserve::Environment),
+            uneven_sky: has(NeubrdfReserve::Environment),
             sun: has(NeubrdfReserve::Sun),
             lens: has(NeubrdfReserve::Lens),
             instanced: has(NeubrdfReserve::Instances),

@@ -194,7 +194,7 @@ impl DeviceLights {
         features: &Features,
     ) -> Result<DeviceLights, Error> {
         let mut next = DeviceLights { alias: None, emitters: None, environment: None };
-        if features.has_lights() {
+        if features.samples_lights() {
             let mut records: Vec<_> =
                 lights.alias.iter().map(|(keep, alias)| AliasRecord { keep: *keep, alias: *alias }).collect();
             if records.is_empty() {
@@ -242,10 +242,12 @@ fn table(
         environment_rotation: [turn.cos(), turn.sin()],
         emitter_density: lights.emitter_density as f32,
         environment_density: lights.environment_density as f32,
+        environment_floor: lights.environment_floor,
         sun_probability: lights.sun_probability as f32,
         sun_direction: sun.map_or(Vec3::ZERO, |sun| sun.direction).to_array(),
         sun_irradiance: sun.map_or(Vec3::ZERO, |sun| sun.irradiance).to_array(),
         reach: 2.5 * scene.bounds().radius() + 1e-30,
+        padding: 0,
     }
 }
 

@@ -60,6 +60,8 @@ features! {
     emitters: 2, "emissive triangles";
     /// There is a sky.
     environment: 3, "a sky";
+    /// The sky is worth light samples: some of it is much brighter than the rest.
+    uneven_sky: 33, "a sky that is brighter here than there";
     /// There is a sun.
     sun: 4, "a sun";
     /// Some material on a mesh has a texture.
@@ -100,7 +102,8 @@ impl Features {
             neubrdf_queues: neubrdf_queues(&scene.brdfs),
             emitters: !lights.is_empty() && !lights.triangles.is_empty()
                 || used().any(|material| glows(material, scene)),
-            environment: lights.environment_texels > 0,
+            environment: scene.environment.as_ref().is_some_and(|sky| !sky.is_black()),
+            uneven_sky: lights.environment_texels > 0,
             sun: scene.sun.is_some_and(|sun| sun.irradiance != Vec3::ZERO),
             textures: used().any(|material| material.textures().next().is_some()),
             holes: used().any(|material| !material.opacity.is_whole()),
@@ -145,14 +148,15 @@ impl Features {
         if family == Family::NeuBrdf { self.neubrdf_queues } else { 1 }
     }
 
-    /// Whether there is light at all.
-    pub fn has_lights(&self) -> bool {
-        self.emitters || self.environment || self.sun
+    /// Whether there is light to sample. An even sky alone is left to the paths.
+    pub fn samples_lights(&self) -> bool {
+        self.emitters || self.uneven_sky || self.sun
     }
 
     /// The kernels that render a scene with these features, in the order in which a bounce runs them.
     pub fn kernels(&self, traversal: Traversal, settings: &Settings, workgroup_size: u32) -> Vec<KernelPlan> {
         let flag = |id: u32, value: bool| (id, u32::from(value));
+        let samples_lights = self.samples_lights() && settings.max_depth > 1 && settings.light_sampling;
         let mut common = vec![
             (0, workgroup_size),
             (1, settings.sampler as u32),
@@ -162,10 +166,11 @@ impl Features {
             (14, settings.bsdf_sampling as u32),
             (26, self.neubrdf_queues),
             (27, settings.roulette_after),
+            // Without light samples a vertex evaluates the direction that it goes on to, and no other.
+            (34, if samples_lights { 2 } else { 1 }),
         ];
         common.extend(self.flags().map(|(id, has, _)| flag(id, has)));
         let [closest, shadow] = trace_kernels(traversal);
-        let samples_lights = self.has_lights() && settings.max_depth > 1 && settings.light_sampling;
         let names = [
             Some("generate"),
             Some(closest),

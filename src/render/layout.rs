@@ -74,10 +74,12 @@ crate::shared_structs! {
         pub environment_rotation: [f32; 2],
         pub emitter_density: f32,
         pub environment_density: f32,
+        pub environment_floor: f32,
         pub sun_probability: f32,
         pub sun_direction: [f32; 3],
         pub sun_irradiance: [f32; 3],
         pub reach: f32,
+        pub padding: u32,
     }
 
     /// `glsl/layout/film.glsl`

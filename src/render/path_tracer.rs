@@ -263,7 +263,7 @@ impl PathTracer {
                     }
                 }
             }
-            if scatters && self.features.has_lights() && self.settings.light_sampling {
+            if scatters && self.features.samples_lights() && self.settings.light_sampling {
                 commands.barrier();
                 // The next bounce's rays are traced beside these: neither writes what the other reads.
                 self.dispatch_queue(commands, self.kernels.trace_shadow(), Queue::Shadow, &pass);

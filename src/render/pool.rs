@@ -81,7 +81,7 @@ impl Pool {
             arrays.push(buffer);
             Ok(address)
         };
-        let lights = features.has_lights();
+        let lights = features.samples_lights();
         let queues = u64::from(queue_count(features));
         let bounces = u64::from(settings.max_depth) + 1;
         let empty = QueueCounter { groups: [0, 1, 1], count: 0 };

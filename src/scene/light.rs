@@ -9,8 +9,12 @@
 //! - a point on an emissive triangle, per unit area:
 //!   [`emitter_density`](LightTable::emitter_density)` · Y(emission) · sides`, the emission that of [`Scene::mean_emission`];
 //! - a direction to the environment, per unit solid angle:
-//!   [`environment_density`](LightTable::environment_density)` · Y(radiance)`;
+//!   [`environment_density`](LightTable::environment_density)` · max(0, Y(radiance) − `[`environment_floor`](LightTable::environment_floor)`)`;
 //! - the sun: the probability [`sun_probability`](LightTable::sun_probability).
+//!
+//! The floor is the sky's mean luminance. A BSDF's samples see the sky as well, and what is no brighter than its mean they find often enough; light
+//! samples that leave it to them are there for the rest (Karlík et al., *MIS Compensation*, ACM TOG 38(6), 2019). An even sky is left to them
+//! altogether.
 
 use glam::{DVec2, DVec3, Vec2, Vec3};
 use std::f64::consts::{PI, TAU};
@@ -22,6 +26,9 @@ pub(super) const BRIGHTEST: f32 = 1e12;
 
 /// Light of a kind that amounts to less is not sampled, so that densities are finite in `f32`; paths may still run into it.
 const FAINTEST: f64 = 1e-36;
+
+/// A sky that is nowhere brighter than this many times its mean is even: sampling it costs more than it gains (docs/design.md).
+const EVEN: f32 = 3.0;
 
 /// A lat-long environment: radiance constant over each texel, so that sampling it by texel is exact.
 ///
@@ -53,14 +60,16 @@ pub struct Sun {
 pub struct LightTable {
     /// (instance, triangle) of each emissive triangle; these are the table's first entries.
     pub triangles: Vec<[u32; 2]>,
-    /// Number of environment texels in the table; they come next. The sun is last, if there is one.
+    /// Number of environment texels in the table; they come next, and are none if the sky is even. The sun is last, if there is one.
     pub environment_texels: u32,
     /// Walker's alias method: entry i stays with probability `.0`, else gives way to entry `.1`.
     pub alias: Vec<(f32, u32)>,
     /// Times luminance and sides: density per area of a point on an emissive triangle. 0 without any.
     pub emitter_density: f64,
-    /// Times luminance: density per solid angle of a direction to the environment. 0 without one.
+    /// Times what the luminance has above the floor: density per solid angle of a direction to the environment. 0 if none is sampled.
     pub environment_density: f64,
+    /// Luminance up to which the environment is not sampled: its mean over the sphere.
+    pub environment_floor: f32,
     /// With which the sun is picked. 0 without one.
     pub sun_probability: f64,
 }
@@ -150,6 +159,28 @@ impl Environment {
         TAU / f64::from(self.width) * (upper - lower)
     }
 
+    /// No light at all.
+    pub fn is_black(&self) -> bool {
+        self.texels.iter().all(|&radiance| radiance == Vec3::ZERO)
+    }
+
+    /// Mean luminance over the sphere.
+    pub fn mean_luminance(&self) -> f64 {
+        let rows = self.texels.chunks_exact(self.width as usize).enumerate();
+        let sum: f64 = rows
+            .map(|(row, texels)| {
+                self.solid_angle(row as u32)
+                    * texels.iter().map(|&radiance| f64::from(luminance(radiance))).sum::<f64>()
+            })
+            .sum();
+        sum / (2.0 * TAU)
+    }
+
+    /// Whether no texel is much brighter than the mean.
+    fn is_even(&self, mean: f32) -> bool {
+        self.texels.iter().all(|&radiance| luminance(radiance) <= EVEN * mean)
+    }
+
     /// Cosines of the polar angles that bound a row.
     fn row_cosines(&self, row: u32) -> [f64; 2] {
         [row, row + 1].map(|edge| (PI * f64::from(edge) / f64::from(self.height)).cos())
@@ -192,13 +223,15 @@ impl LightTable {
         let emitted: f64 = weights.iter().sum();
 
         let mut environment_texels = 0;
+        let floor = scene.environment.as_ref().map_or(0.0, |environment| environment.mean_luminance() as f32);
         if let Some(environment) = &scene.environment
-            && environment.texels.iter().any(|&radiance| radiance != Vec3::ZERO)
+            && !environment.is_even(floor)
         {
             environment_texels = environment.width * environment.height;
             for (row, texels) in environment.texels.chunks_exact(environment.width as usize).enumerate() {
                 let solid_angle = environment.solid_angle(row as u32);
-                weights.extend(texels.iter().map(|&radiance| solid_angle * f64::from(luminance(radiance))));
+                let above_floor = |&radiance: &Vec3| f64::from((luminance(radiance) - floor).max(0.0));
+                weights.extend(texels.iter().map(|radiance| solid_angle * above_floor(radiance)));
             }
         }
         let from_sky: f64 = weights[triangles.len()..].iter().sum();
@@ -218,6 +251,7 @@ impl LightTable {
             alias: alias_table(&weights),
             emitter_density: density[0],
             environment_density: density[1],
+            environment_floor: floor,
             sun_probability: density[2] * kinds[2],
         }
     }
@@ -321,6 +355,11 @@ mod tests {
         Material { emission, emits_both_sides, ..Material::new("m", Surface::Diffuse { albedo }) }
     }
 
+    /// Of the sky's texels, of which the last is four times as bright as their mean.
+    fn brightness(texel: u32) -> f32 {
+        texel.pow(3) as f32
+    }
+
     fn scene_with_all_lights() -> Scene {
         let mesh = Mesh {
             name: "strip".into(),
@@ -348,7 +387,7 @@ mod tests {
             environment: Some(Environment {
                 width: 4,
                 height: 3,
-                texels: (0..12).map(|i| Vec3::splat(i as f32)).collect(),
+                texels: (0..12).map(|i| Vec3::splat(brightness(i))).collect(),
                 rotation_degrees: 30.0,
             }),
             sun: Some(Sun { direction: Vec3::Y, irradiance: Vec3::splat(2.0) }),
@@ -367,7 +406,11 @@ mod tests {
         let environment = scene.environment.as_ref().unwrap();
         let areas = [0.5, 1.0, 2.0, 4.0];
         let emitted = 3.0 * (0.5 + 2.0) + 2.0 * 5.0 * (1.0 + 4.0);
-        let from_sky: f64 = (0..12).map(|i| f64::from(i) * environment.solid_angle(i / 4)).sum();
+        let mean: f64 =
+            (0..12).map(|i| f64::from(brightness(i)) * environment.solid_angle(i / 4)).sum::<f64>() / (4.0 * PI);
+        assert_close(table.environment_floor.into(), mean);
+        let above_mean = |texel: u32| (f64::from(brightness(texel)) - mean).max(0.0);
+        let from_sky: f64 = (0..12).map(|i| above_mean(i) * environment.solid_angle(i / 4)).sum();
         for (entry, probability) in implied(&table.alias).into_iter().enumerate() {
             let (of_its_kind, density) = match table.light(entry, environment.width) {
                 Light::Triangle { triangle: 0, .. } => {
@@ -377,7 +420,7 @@ mod tests {
                     (10.0 * areas[entry] / emitted, table.emitter_density * 5.0 * 2.0 * areas[entry])
                 }
                 Light::Texel { column, row } => {
-                    let light = f64::from(row * 4 + column) * environment.solid_angle(row);
+                    let light = above_mean(row * 4 + column) * environment.solid_angle(row);
                     (light / from_sky, table.environment_density * light)
                 }
                 Light::Sun => (1.0, table.sun_probability),
@@ -410,6 +453,27 @@ mod tests {
         assert_eq!([table.emitter_density, table.environment_density, table.sun_probability], [0.0; 3]);
     }
 
+    /// A hemisphere that is twice as bright as the mean is none that light samples are for; a cap that has all the light is.
+    #[test]
+    fn an_even_sky_is_no_light() {
+        let mut scene = scene_with_all_lights();
+        let rows = |radiances: [f32; 6]| Environment {
+            width: 1,
+            height: 6,
+            texels: radiances.map(Vec3::splat).to_vec(),
+            rotation_degrees: 0.0,
+        };
+        for (radiances, texels) in
+            [([1.0; 6], 0), ([2.0, 2.0, 2.0, 0.0, 0.0, 0.0], 0), ([9.0, 0.0, 0.0, 0.0, 0.0, 0.0], 6)]
+        {
+            scene.environment = Some(rows(radiances));
+            let table = LightTable::new(&scene);
+            assert_eq!(table.environment_texels, texels, "{radiances:?}");
+            assert_eq!(table.len() as u32, 4 + texels + 1);
+            assert_close(table.sun_probability, if texels == 0 { 1.0 / 2.0 } else { 1.0 / 3.0 });
+        }
+    }
+
     #[test]
     fn environment_texels_tile_the_sphere() {
         let environment = scene_with_all_lights().environment.unwrap();
@@ -421,7 +485,7 @@ mod tests {
                     let direction = environment.direction([column, row], u);
                     assert_close(direction.length(), 1.0);
                     assert_eq!(environment.texel_of(direction), [column, row]);
-                    assert_eq!(environment.radiance(direction), Vec3::splat((row * 4 + column) as f32));
+                    assert_eq!(environment.radiance(direction), Vec3::splat(brightness(row * 4 + column)));
                 }
             }
         }
