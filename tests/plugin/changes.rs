@@ -63,6 +63,12 @@ pub fn changes() -> Vec<(&'static str, Vec<Change>)> {
     ]
 }
 
+/// A sky that is worth light samples: most of its light comes from two of its texels.
+pub fn uneven_sky() -> Environment {
+    let texels = (0..8).map(|index| Vec3::splat(if index % 4 == 1 { 6.0 } else { 0.1 * index as f32 })).collect();
+    Environment { width: 4, height: 2, texels, rotation_degrees: 30.0 }
+}
+
 pub fn apply(scene: &mut Scene, change: &Change) {
     match change.clone() {
         Change::Camera(camera) => scene.camera = camera,
@@ -159,11 +165,14 @@ fn what_was_reserved_may_come_and_go() {
         let mut with_all = scene();
         with_all.camera.lens = Some(lens);
         with_all.sun = Some(sun);
-        let reserve = Features { lens: true, sun: true, ..Features::NONE };
+        let reserve = Features { lens: true, sun: true, uneven_sky: true, ..Features::NONE };
         let mut renderer = Renderer::new(&device, scene(), &Options { reserve, ..options_of(host) }).unwrap();
         frame(host, &device, &mut renderer, 1);
         let camera = |lens| Change::Camera(Camera { lens, ..scene().camera });
         renderer.update(&[camera(Some(lens)), Change::Sun(Some(sun))]).unwrap();
+        assert!(frame(host, &device, &mut renderer, 2).0 == expected(host, &with_all, 2));
+        with_all.environment = Some(uneven_sky());
+        renderer.update(&[Change::Environment(with_all.environment.clone())]).unwrap();
         assert!(frame(host, &device, &mut renderer, 2).0 == expected(host, &with_all, 2));
 
         // All lights off, one by one: the sun, the sky, the lamp. What is left is black.
@@ -337,10 +346,7 @@ fn a_sun_that_is_gone_leaves_no_bias() {
         let device = host.lend();
         let settings = Settings { sampler: Sampler::Pcg, ..options().settings };
         let mut lit = scene();
-        lit.environment = changes().into_iter().find_map(|(_, changes)| match changes.into_iter().next() {
-            Some(Change::Environment(sky)) => sky,
-            _ => None,
-        });
+        lit.environment = Some(uneven_sky());
         let reserve = Features { sun: true, ..Features::NONE };
         let with = Options { settings, reserve, ..options_of(host) };
         let mut sunless = Renderer::new(&device, lit.clone(), &with).unwrap();

@@ -5,7 +5,7 @@ use neubrdf::gpu::{self};
 use neubrdf::plugin::{Change, Channel, Error, Frame, PixelFormat, Renderer, Target};
 use neubrdf::scene::{Camera, Environment, Instance, Lens, Scene, Sun, Surface};
 
-use crate::changes::orbit;
+use crate::changes::{orbit, uneven_sky};
 use crate::common;
 use crate::frames::{expected, frame, options_of, renderer, scene, submit, wait};
 use crate::host::in_lavapipe_hosts;
@@ -43,6 +43,7 @@ fn mistakes_are_errors_and_change_nothing() {
         for (change, lacks) in [
             (Change::Camera(Camera { lens, ..scene().camera }), "a lens"),
             (Change::Sun(Some(sun)), "a sun"),
+            (Change::Environment(Some(uneven_sky())), "a sky that is brighter here than there"),
             (material(Surface::Dielectric { ior: 1.5, alpha: 0.0 }), "dielectric"),
         ] {
             let error = renderer.update(&[orbit(&scene(), 10.0), change]).unwrap_err();
