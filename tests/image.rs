@@ -24,6 +24,7 @@ fn metadata() -> Metadata {
         spp: 1 << 40,
         seed: u64::MAX,
         max_depth: 16,
+        clamp_indirect: 10.5,
         render_seconds: 12.5,
         device: "llvmpipe (LLVM 19.1.7, 256 bits)".into(),
         version: "0.1.0".into(),

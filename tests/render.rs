@@ -229,6 +229,41 @@ fn light_sampling_can_be_left_out_but_not_with_a_sun() {
     driver.finish();
 }
 
+/// A limit on indirect light leaves what is seen and what falls on it as they are, and of the rest each light that a path finds is within it.
+#[test]
+fn indirect_light_may_be_limited_and_nothing_else_is() {
+    let Some(driver) = driver(LAVAPIPE) else { return };
+    let scene = still_life(conductor(0.9, 0.05));
+    let picture = |clamp_indirect: Option<f32>, max_depth: u32| {
+        let settings = Settings { clamp_indirect, max_depth, ..settings() };
+        render(&driver.device, &scene, &settings, &bvh(), 1).rgb(plane::BEAUTY).unwrap()
+    };
+    let [direct, all] = [2, 6].map(|max_depth| picture(None, max_depth));
+    assert_eq!(picture(Some(1e-6), 2), direct);
+    assert_eq!(picture(Some(1e6), 6), all);
+    let limit = 0.05;
+    let limited = picture(Some(limit), 6);
+    let mut darkened = 0;
+    // A path of six segments finds four lights of its vertices', and runs into four itself, behind the first two.
+    for ((direct, all), limited) in direct.iter().zip(&all).zip(&limited) {
+        for channel in 0..3 {
+            let [direct, all, limited] = [direct, all, limited].map(|pixel| pixel[channel]);
+            let rounding = 1e-5 * all;
+            assert!(limited >= direct - rounding && limited <= all + rounding, "{direct} {limited} {all}");
+            assert!(limited - direct <= 8.0 * limit + rounding, "{direct} {limited} {all}");
+            darkened += usize::from(limited < all - rounding);
+        }
+    }
+    assert!(darkened > limited.len() / 10, "{darkened} of {} numbers", 3 * limited.len());
+
+    for limit in [0.0, -1.0, f32::NAN, f32::INFINITY] {
+        let settings = Settings { clamp_indirect: Some(limit), ..settings() };
+        let error = Renderer::new(&driver.device, &scene, &settings, &bvh()).err().unwrap().to_string();
+        assert!(error.contains("limit of indirect light"), "{error}");
+    }
+    driver.finish();
+}
+
 #[test]
 fn a_scene_builds_only_the_kernels_that_it_needs() {
     let kernels = |scene: &Scene, settings: &Settings| {

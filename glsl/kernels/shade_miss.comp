@@ -2,6 +2,7 @@
 #version 460
 #extension GL_GOOGLE_include_directive : require
 
+#include "lib/clamp.glsl"
 #include "lib/light.glsl"
 #include "lib/queue.glsl"
 
@@ -14,5 +15,5 @@ void main() {
     vec3 radiance = environment_radiance(scene, pool.direction.at[slot].xyz);
     float bsdf_pdf = pool.origin.at[slot].w;
     float weight = bsdf_pdf == 0.0 ? 1.0 : mis_weight(bsdf_pdf, environment_pdf(lights_of(scene), radiance));
-    pool.radiance.at[slot].rgb += weight * pool.throughput.at[slot].rgb * radiance;
+    pool.radiance.at[slot].rgb += clamp_indirect(weight * pool.throughput.at[slot].rgb * radiance, bounce + 1u);
 }

@@ -4,6 +4,7 @@
 #define LIB_PASS_SHADE
 
 #include "lib/bsdf.glsl"
+#include "lib/clamp.glsl"
 #include "lib/footprint.glsl"
 #include "lib/light.glsl"
 #include "lib/queue.glsl"
@@ -64,7 +65,8 @@ Lit light_sample(Lights lights, Surface surface, SampleKey key, uint dimension) 
 ShadowRay shadow_ray(Surface surface, Lit lit, vec4 value, vec3 throughput) {
     float weight = lit.light.is_delta ? 1.0 : mis_weight(lit.light.pdf, value.a);
     ShadowRay ray;
-    ray.contribution = throughput * value.rgb * lit.light.radiance * (abs(lit.local_wi.z) * weight / lit.light.pdf);
+    vec3 contribution = throughput * value.rgb * lit.light.radiance * (abs(lit.local_wi.z) * weight / lit.light.pdf);
+    ray.contribution = clamp_indirect(contribution, bounce + 2u);
     ray.origin = leave(surface, lit.wi);
     ray.to_light = lit.light.to_light + lit.light.gap + (surface.position - ray.origin);
     return ray;
@@ -105,7 +107,7 @@ void pass_shade() {
     if (HAS_EMITTERS) {
         vec3 emission = emitted(lights, surface, material, -direction, origin.w);
         if (has_path && emission != vec3(0.0)) {
-            pool.radiance.at[slot].rgb += throughput * emission;
+            pool.radiance.at[slot].rgb += clamp_indirect(throughput * emission, bounce + 1u);
         }
     }
     if (bounce + 1u >= max_depth) {

@@ -697,6 +697,10 @@ typedef struct NeubrdfOptions {
    * NeuBRDFs that there may be, if those are more than the scene has.
    */
   uint32_t neubrdf_count;
+  /**
+   * What a path may bring of indirect light, in any channel; 0 is no limit. It ends fireflies and takes light away.
+   */
+  float clamp_indirect;
 } NeubrdfOptions;
 
 /**

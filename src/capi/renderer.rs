@@ -117,6 +117,8 @@ pub struct NeubrdfOptions {
     pub crop: [u32; 4],
     /// NeuBRDFs that there may be, if those are more than the scene has.
     pub neubrdf_count: u32,
+    /// What a path may bring of indirect light, in any channel; 0 is no limit. It ends fireflies and takes light away.
+    pub clamp_indirect: f32,
 }
 
 /// How pixels are written. Rows run from the top, without gaps.
@@ -231,6 +233,7 @@ impl NeubrdfOptions {
         Ok(Options {
             settings: Settings {
                 max_depth: or(self.max_depth, default.settings.max_depth),
+                clamp_indirect: (self.clamp_indirect != 0.0).then_some(self.clamp_indirect),
                 seed: self.seed,
                 sampler,
                 crop: (width > 0).then_some(Crop { x, y, width, height }),

@@ -49,6 +49,9 @@ pub struct Arguments {
     /// Bounces that no path ends at by chance; from then on Russian roulette ends dark ones
     #[arg(long, value_name = "BOUNCES", default_value_t = Settings::ROULETTE_AFTER)]
     roulette_after: u32,
+    /// What a path may bring of indirect light: ends fireflies, and takes light away. Without it nothing does
+    #[arg(long, value_name = "RADIANCE")]
+    clamp_indirect: Option<f32>,
     /// A part of a device's or driver's name, or its number in `neubrdf info`
     #[arg(long)]
     device: Option<String>,
@@ -127,6 +130,7 @@ pub fn run(arguments: Arguments) -> Result<ExitCode> {
     let settings = Settings {
         max_depth: arguments.job.max_depth,
         roulette_after: arguments.roulette_after,
+        clamp_indirect: arguments.clamp_indirect,
         seed: arguments.seed,
         sampler: arguments.sampler,
         crop: arguments.job.crop,

@@ -17,6 +17,8 @@ pub struct Metadata {
     pub seed: u64,
     /// Longest path, in segments.
     pub max_depth: u32,
+    /// What a path may bring of indirect light; 0: no limit.
+    pub clamp_indirect: f32,
     /// Wall-clock time spent on sampling, seconds.
     pub render_seconds: f64,
     /// What it was rendered on.
@@ -59,6 +61,7 @@ impl Metadata {
             ("spp", text(&self.spp.to_string())),
             ("seed", text(&self.seed.to_string())),
             ("maxDepth", text(&self.max_depth.to_string())),
+            ("clampIndirect", AttributeValue::F32(self.clamp_indirect)),
             ("renderSeconds", AttributeValue::F64(self.render_seconds)),
             ("device", text(&self.device)),
             ("version", text(&self.version)),
@@ -84,6 +87,10 @@ impl Metadata {
             Some(AttributeValue::Text(text)) => text.to_string(),
             _ => String::new(),
         };
+        let number = |name: &str| match find(name) {
+            Some(AttributeValue::F32(number)) => *number,
+            _ => 0.0,
+        };
         let vector = |name: &str| match find(name) {
             Some(AttributeValue::FloatVec3((x, y, z))) => [*x, *y, *z],
             _ => [0.0; 3],
@@ -93,6 +100,7 @@ impl Metadata {
             spp: text("spp").parse().unwrap_or(0),
             seed: text("seed").parse().unwrap_or(0),
             max_depth: text("maxDepth").parse().unwrap_or(0),
+            clamp_indirect: number("clampIndirect"),
             render_seconds: match find("renderSeconds") {
                 Some(AttributeValue::F64(seconds)) => *seconds,
                 _ => 0.0,
@@ -104,10 +112,7 @@ impl Metadata {
             camera_eye: vector("cameraEye"),
             camera_target: vector("cameraTarget"),
             camera_up: vector("cameraUp"),
-            vertical_fov_degrees: match find("verticalFovDegrees") {
-                Some(AttributeValue::F32(degrees)) => *degrees,
-                _ => 0.0,
-            },
+            vertical_fov_degrees: number("verticalFovDegrees"),
             film_size: [0; 2],
             crop_origin: [0; 2],
         }

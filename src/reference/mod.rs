@@ -206,6 +206,7 @@ impl<'a> Reference<'a> {
             spp: statistics.least_spp.into(),
             seed: options.seed,
             max_depth: options.max_depth,
+            clamp_indirect: 0.0,
             render_seconds: statistics.seconds,
             device: format!("CPU, {} threads", rayon::current_num_threads()),
             version: env!("CARGO_PKG_VERSION").to_owned(),

@@ -33,6 +33,8 @@ pub struct Identity {
     pub max_depth: u32,
     /// Bounces without Russian roulette.
     pub roulette_after: u32,
+    /// The limit of indirect light, or `none`.
+    pub clamp_indirect: String,
     /// Random seed.
     pub seed: u32,
     /// `sobol` or `pcg`.
@@ -141,6 +143,7 @@ impl Checkpoint {
         differs("crop", &format!("{:?}", found.crop), &format!("{:?}", expected.crop))?;
         differs("--max-depth", &found.max_depth, &expected.max_depth)?;
         differs("--roulette-after", &found.roulette_after, &expected.roulette_after)?;
+        differs("--clamp-indirect", &found.clamp_indirect, &expected.clamp_indirect)?;
         differs("--seed", &found.seed, &expected.seed)?;
         differs("--sampler", &found.sampler, &expected.sampler)?;
         differs("feature channels", &found.features, &expected.features)?;
@@ -170,6 +173,7 @@ impl Identity {
             crop,
             max_depth: settings.max_depth,
             roulette_after: settings.roulette_after,
+            clamp_indirect: settings.clamp_indirect.map_or("none".into(), |limit| limit.to_string()),
             seed: settings.seed,
             sampler: settings.sampler.to_string(),
             features: settings.features,

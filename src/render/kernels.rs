@@ -166,6 +166,7 @@ impl Features {
             (14, settings.bsdf_sampling as u32),
             (26, self.neubrdf_queues),
             (27, settings.roulette_after),
+            (35, settings.clamp_indirect.unwrap_or(0.0).to_bits()),
             // Without light samples a vertex evaluates the direction that it goes on to, and no other.
             (34, if samples_lights { 2 } else { 1 }),
         ];

@@ -51,6 +51,12 @@ impl PathTracer {
         if settings.max_depth == 0 {
             return Err(Error::Setting { name: "max depth", found: "0".into(), expected: "at least 1" });
         }
+        if let Some(limit) = settings.clamp_indirect
+            && !(limit.is_finite() && limit > 0.0)
+        {
+            let found = limit.to_string();
+            return Err(Error::Setting { name: "limit of indirect light", found, expected: "a number above 0" });
+        }
         let traversal = traversal_for(&device, options.traversal)?;
         let lights = LightTable::new(scene);
         let features = Features::of(scene, &lights).or(reserve);

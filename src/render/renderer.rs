@@ -201,6 +201,7 @@ impl Renderer {
             spp: u64::from(self.samples),
             seed: u64::from(settings.seed),
             max_depth: settings.max_depth,
+            clamp_indirect: settings.clamp_indirect.unwrap_or(0.0),
             render_seconds: self.seconds,
             device: self.identity.device.clone(),
             version: self.identity.version.clone(),

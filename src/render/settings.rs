@@ -39,12 +39,15 @@ pub enum BsdfSampling {
 }
 
 /// What changes the picture. Pool size, tile order and device are not here: they do not.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Settings {
     /// Path segments: 1 sees emission only, 2 adds direct light. ≥ 1.
     pub max_depth: u32,
     /// Bounces that no path ends at by chance; from then on Russian roulette ends dark ones.
     pub roulette_after: u32,
+    /// What a path may bring of indirect light, in any channel, > 0: what is brighter is darkened to it. It ends fireflies and takes light away, unlike all
+    /// else here. Light that is seen, or falls on what is seen, is left as it is.
+    pub clamp_indirect: Option<f32>,
     /// Picks the random numbers.
     pub seed: u32,
     /// Their kind.
@@ -72,6 +75,7 @@ impl Default for Settings {
         Settings {
             max_depth: 16,
             roulette_after: Settings::ROULETTE_AFTER,
+            clamp_indirect: None,
             seed: 0,
             sampler: Sampler::Sobol,
             crop: None,

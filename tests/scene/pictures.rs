@@ -7,12 +7,18 @@ fn write_exr(path: &Path, width: usize, height: usize, color: impl Fn(usize, usi
     exr::prelude::write_rgb_file(path, width, height, color).unwrap();
 }
 
+/// An OBJ file of a.mtl's materials, a triangle with texture coordinates each.
+fn triangles_of(materials: &[&str]) -> String {
+    let triangles = materials.iter().map(|material| format!("usemtl {material}\nf 1/1 2/1 3/1\n"));
+    format!("mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\n{}", triangles.collect::<String>())
+}
+
 #[test]
 fn textures_decode_to_linear_and_load_once() {
     let mtl = "newmtl a\nmap_Kd -clamp on t.png\nnewmtl b\nKd .5 .5 .5\nmap_Kd t.png\nnewmtl c\nmap_Kd t.exr\nnewmtl d\nmap_Kd unused.png\n";
-    let obj = "mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl a\nf 1 2 3\nusemtl b\nf 1 2 3\nusemtl c\nf 1 2 3\nusemtl d\nf 1 2 3\n";
+    let obj = triangles_of(&["a", "b", "c", "d"]);
     let toml = format!("[[mesh]]\nfile = 'a.obj'\n[material.d]\nalbedo = 0.5\n[material.a]\n{SKY}");
-    let folder = Folder::new(&[("a.obj", obj), ("a.mtl", mtl), ("s.toml", &toml)]);
+    let folder = Folder::new(&[("a.obj", &obj), ("a.mtl", mtl), ("s.toml", &toml)]);
     let image = image::RgbImage::from_fn(2, 1, |x, _| image::Rgb([x as u8 * 255, 128, 0]));
     image.save(folder.path("t.png")).unwrap();
     write_exr(&folder.path("t.exr"), 1, 2, |_, y| (y as f32, 0.25, 2.0));
@@ -40,9 +46,9 @@ fn textures_decode_to_linear_and_load_once() {
 #[test]
 fn opacities_are_alphas_or_brightnesses() {
     let mtl = "newmtl a\nmap_Kd t.png\nmap_d t.png\nnewmtl b\nmap_d -clamp on grey.png\nd .5\nnewmtl c\nnewmtl d\nmap_d whole.png\n";
-    let obj = "mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nusemtl a\nf 1/1 2/1 3/1\nusemtl b\nf 1/1 2/1 3/1\nusemtl c\nf 1/1 2/1 3/1\nusemtl d\nf 1/1 2/1 3/1\n";
+    let obj = triangles_of(&["a", "b", "c", "d"]);
     let toml = format!("[[mesh]]\nfile = 'a.obj'\n[material.c]\nopacity = 't.exr'\n{SKY}");
-    let folder = Folder::new(&[("a.obj", obj), ("a.mtl", mtl), ("s.toml", &toml)]);
+    let folder = Folder::new(&[("a.obj", &obj), ("a.mtl", mtl), ("s.toml", &toml)]);
     let pixel = |x| image::Rgba([255, 0, 0, x as u8 * 51]);
     image::RgbaImage::from_fn(2, 1, |x, _| pixel(x)).save(folder.path("t.png")).unwrap();
     image::GrayImage::from_fn(2, 1, |x, _| image::Luma([51 + x as u8])).save(folder.path("grey.png")).unwrap();
@@ -74,10 +80,10 @@ fn opacities_are_alphas_or_brightnesses() {
 /// What is called a bump map holds normals, or heights; one that cannot be read is left out with a warning.
 #[test]
 fn bump_maps_may_hold_normals_or_heights() {
-    let obj = "mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nusemtl a\nf 1/1 2/1 3/1\nusemtl b\nf 1/1 2/1 3/1\nusemtl c\nf 1/1 2/1 3/1\nusemtl d\nf 1/1 2/1 3/1\n";
+    let obj = triangles_of(&["a", "b", "c", "d"]);
     let mtl = "newmtl a\nmap_Bump -bm 1.0 normals.png\nnewmtl b\nbump -bm 2 heights.png\nnewmtl c\nnorm normals.tga\nnewmtl d\nmap_bump none.tif\n";
     let toml = format!("[[mesh]]\nfile = 'a.obj'\n[material.b]\n{SKY}");
-    let folder = Folder::new(&[("a.obj", obj), ("a.mtl", mtl), ("s.toml", &toml)]);
+    let folder = Folder::new(&[("a.obj", &obj), ("a.mtl", mtl), ("s.toml", &toml)]);
     let normals = image::RgbImage::from_fn(2, 1, |x, _| image::Rgb([128 + x as u8, 128, 255]));
     ["normals.png", "normals.tga"].iter().for_each(|name| normals.save(folder.path(name)).unwrap());
     let heights = image::GrayImage::from_fn(4, 4, |x, y| image::Luma([51 * (x + u32::from(y == 1)) as u8]));
@@ -112,9 +118,9 @@ fn bump_maps_may_hold_normals_or_heights() {
 /// A map of roughness stands instead of a number, in MTL and in scene files, wherever there is roughness.
 #[test]
 fn maps_of_roughness_load() {
-    let obj = "mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nusemtl metal\nf 1/1 2/1 3/1\nusemtl paint\nf 1/1 2/1 3/1\nusemtl chalk\nf 1/1 2/1 3/1\n";
+    let obj = triangles_of(&["metal", "paint", "chalk"]);
     let mtl = "newmtl metal\nPm 1\nPr 0.3\nmap_Pr -clamp on rough.png\nnewmtl paint\nKs 1 1 1\nmap_Pr rough.png\nnewmtl chalk\nmap_Pr rough.png\n";
-    let folder = Folder::new(&[("a.obj", obj), ("a.mtl", mtl)]);
+    let folder = Folder::new(&[("a.obj", &obj), ("a.mtl", mtl)]);
     image::GrayImage::from_fn(2, 1, |x, _| image::Luma([90 * x as u8])).save(folder.path("rough.png")).unwrap();
     let load = |of_scene: &str| {
         fs::write(folder.path("s.toml"), format!("[[mesh]]\nfile = 'a.obj'\n{of_scene}\n{SKY}")).unwrap();
@@ -155,10 +161,10 @@ fn maps_of_roughness_load() {
 /// Where a texture lies: options of MTL, tables in scene files.
 #[test]
 fn textures_are_placed() {
-    let obj = "mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nusemtl a\nf 1/1 2/1 3/1\nusemtl b\nf 1/1 2/1 3/1\n";
+    let obj = triangles_of(&["a", "b"]);
     let mtl = "newmtl a\nmap_Kd -s 4 2 1 -o 0.5 a.png\nmap_Ke -o 0 -0.25 0 a.png\nnorm -s 3 a.png\nmap_d -s 1 2 a.png\n\
                newmtl b\nPm 1\nmap_Kd a.png\nmap_Pr -s 5 5 a.png\nmap_Bump -bm 2 -s -1 1 a.png\n";
-    let folder = Folder::new(&[("a.obj", obj), ("a.mtl", &mtl.replace("map_d -s 1 2 a.png\n", ""))]);
+    let folder = Folder::new(&[("a.obj", &obj), ("a.mtl", &mtl.replace("map_d -s 1 2 a.png\n", ""))]);
     image::RgbImage::from_fn(2, 1, |x, _| image::Rgb([128 + x as u8, 128, 255])).save(folder.path("a.png")).unwrap();
     let load = |of_scene: &str| {
         fs::write(folder.path("s.toml"), format!("[[mesh]]\nfile = 'a.obj'\n{of_scene}\n{SKY}")).unwrap();
@@ -207,11 +213,10 @@ fn textures_are_placed() {
 /// Where a map says so a material is a metal of its colour and roughness.
 #[test]
 fn maps_of_metal_load() {
-    let obj =
-        "mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nusemtl paint\nf 1/1 2/1 3/1\nusemtl lamp\nf 1/1 2/1 3/1\n";
+    let obj = triangles_of(&["paint", "lamp"]);
     let mtl = "newmtl paint\nKs 0.5 0.5 0.5\nPm 1\nPr 0.5\nKd 0.8 0.4 0.2\nmap_Kd a.png\nmap_Pr -s 2 2 a.png\nmap_Pm -s 3 3 a.png\nnorm a.png\n\
                newmtl lamp\nKe 1 1 1\nmap_Pm a.png\n";
-    let folder = Folder::new(&[("a.obj", obj), ("a.mtl", mtl)]);
+    let folder = Folder::new(&[("a.obj", &obj), ("a.mtl", mtl)]);
     image::GrayImage::from_fn(2, 1, |x, _| image::Luma([255 * x as u8])).save(folder.path("a.png")).unwrap();
     let load = |of_scene: &str| {
         fs::write(folder.path("s.toml"), format!("[[mesh]]\nfile = 'a.obj'\n{of_scene}\n{SKY}")).unwrap();
@@ -263,10 +268,10 @@ fn maps_of_metal_load() {
 
 #[test]
 fn textures_that_emit_load() {
-    let obj = "mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nusemtl a\nf 1/1 2/1 3/1\nusemtl b\nf 1/1 2/1 3/1\nusemtl c\nf 1/1 2/1 3/1\n";
+    let obj = triangles_of(&["a", "b", "c"]);
     let mtl = "newmtl a\nKe 3 2 1\nmap_Ke glow.png\nnewmtl b\nmap_Ke glow.png\nnewmtl c\nKd 1 1 1\n";
     let toml = "[[mesh]]\nfile = 'a.obj'\n[material.c]\nemission = 7\nemission_texture = 'glow.png'\n";
-    let folder = Folder::new(&[("a.obj", obj), ("a.mtl", mtl), ("s.toml", toml)]);
+    let folder = Folder::new(&[("a.obj", &obj), ("a.mtl", mtl), ("s.toml", toml)]);
     image::GrayImage::from_fn(2, 1, |x, _| image::Luma([255 * x as u8])).save(folder.path("glow.png")).unwrap();
     let (scene, warnings) = folder.load("s.toml").unwrap();
     assert!(warnings.is_empty(), "{warnings:?}");
