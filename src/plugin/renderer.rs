@@ -129,7 +129,10 @@ impl Renderer {
             }
         }
         check_lamps(&scene, &device_only)?;
-        complete_lights(&mut scene, &options.reserve);
+        // A sky of any kind is a sky.
+        let environment = options.reserve.environment || options.reserve.uneven_sky;
+        let reserve = Features { environment, ..options.reserve };
+        complete_lights(&mut scene, &reserve);
         let Options { settings, traversal, pool_paths, .. } = *options;
         if options.frames_in_flight == 0 {
             let found = "0".to_string();
@@ -137,7 +140,7 @@ impl Renderer {
         }
         let mut upload = Upload::later(device);
         let choices = render::Options { traversal, pool_paths };
-        let tracer = PathTracer::new(&mut upload, &scene, host_meshes, &settings, &choices, &options.reserve)?;
+        let tracer = PathTracer::new(&mut upload, &scene, host_meshes, &settings, &choices, &reserve)?;
         let source = spirv::load("develop").ok_or(render::Error::MissingKernel("develop"))?;
         Ok(Renderer {
             develop: Kernel::new(device, source, &[])?,

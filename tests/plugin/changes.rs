@@ -189,6 +189,23 @@ fn what_was_reserved_may_come_and_go() {
     });
 }
 
+/// Also where nothing shines at first.
+#[test]
+fn an_uneven_sky_may_be_the_first_light() {
+    in_lavapipe_hosts(|host| {
+        let device = host.lend();
+        let mut now = scene();
+        now.environment = None;
+        now.materials[2].emission = Vec3::ZERO;
+        let reserve = Features { uneven_sky: true, ..Features::NONE };
+        let mut renderer = Renderer::new(&device, now.clone(), &Options { reserve, ..options_of(host) }).unwrap();
+        assert!(mean(&frame(host, &device, &mut renderer, 2).0) == 0.0);
+        now.environment = Some(uneven_sky());
+        renderer.update(&[Change::Environment(now.environment.clone())]).unwrap();
+        assert!(frame(host, &device, &mut renderer, 2).0 == expected(host, &now, 2));
+    });
+}
+
 #[test]
 fn holes_may_come_and_go() {
     in_lavapipe_hosts(|host| {
