@@ -2,6 +2,7 @@
 //!
 //!     cargo run --example make_scenes                             # writes scenes/
 //!     cargo run --example make_scenes -- DIR many_lights 10000    # the room with another number of lights
+//!     cargo run --example make_scenes -- DIR building             # many rooms with lamps; not shipped
 //!
 //! The files are the same on every run; a test compares them with those checked in.
 
@@ -15,6 +16,7 @@ use exr::prelude::{Encoding, Image, Layer, LayerAttributes, SpecificChannels, Wr
 use glam::{Vec2, Vec3, vec3};
 use half::f16;
 
+pub mod building;
 mod foliage;
 mod obj;
 
@@ -29,7 +31,8 @@ fn main() -> Outcome {
     match (arguments.next().as_deref(), arguments.next()) {
         (None, _) => write_all(&folder),
         (Some("many_lights"), Some(count)) => many_lights(&folder, count.parse()?),
-        _ => Err("usage: make_scenes [DIR [many_lights COUNT]]".into()),
+        (Some("building"), None) => building::write(&folder),
+        _ => Err("usage: make_scenes [DIR [many_lights COUNT | building]]".into()),
     }
 }
 

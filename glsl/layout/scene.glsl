@@ -25,6 +25,32 @@ layout(buffer_reference, scalar, buffer_reference_align = 4) readonly buffer Emi
     EmitterRecord at[];
 };
 
+// A node of the tree that picks one of many emitters; pairs of siblings stand side by side, the root's children first.
+struct LightNodeRecord {
+    vec3 center;             // where their power is on average; of a sphere around them
+    float radius;
+    uint axis;               // octahedral, snorm 2 x 16: the middle of the directions that they face
+    uint spread_deviation;   // snorm 2 x 16: cosine of the greatest angle between the axis and one of these; root mean square distance
+                             // from the center by power, as a part of the radius
+    float power;
+    uint child;              // the first of a pair, or LIGHT_LEAF | index of an emitter
+};
+const uint LIGHT_LEAF = 1u << 31;
+layout(buffer_reference, scalar, buffer_reference_align = 4) readonly buffer LightNodeArray {
+    LightNodeRecord at[];
+};
+
+// Where the tree has an emitter, of each in ascending order of (instance, triangle).
+struct EmitterLeafRecord {
+    uint instance;
+    uint triangle;
+    uint node;
+    float density;   // per area, of a point on the triangle once the tree has picked it; times the share of the samples that emitters get
+};
+layout(buffer_reference, scalar, buffer_reference_align = 4) readonly buffer EmitterLeafArray {
+    EmitterLeafRecord at[];
+};
+
 // Walker's alias method: an entry keeps with probability `keep`, otherwise gives way to entry `alias`.
 struct AliasRecord {
     float keep;
@@ -67,7 +93,10 @@ layout(buffer_reference, scalar, buffer_reference_align = 8) readonly buffer Sce
     AliasArray light_alias;
     EmitterArray emitters;
     RadianceArray environment;
-    uint light_count;            // entries of the alias table: emitters, then sky texels, then the sun
+    LightNodeArray light_nodes;
+    WordArray light_parents;     // of each pair of nodes, the node above
+    EmitterLeafArray emitter_leaves;
+    uint light_count;            // entries of the alias table: emitters (of those that a tree picks, one for all), then sky texels, then the sun
     uint emitter_count;
     uvec2 environment_size;      // texels around, texels from zenith to nadir
     vec2 environment_rotation;   // cos and sin of the sky's turn about +y

@@ -1,11 +1,12 @@
 // Lights: emissive triangles, sky texels and the sun, through one alias table. Each of these kinds has the same share of the
 // samples and is picked from by power. The densities have closed forms (src/scene/light.rs), so that neither a light nor a hit
-// looks anything up to know them.
+// looks anything up to know them. Where many triangles emit, the table has one entry for all of them, and a tree picks one.
 #ifndef LIB_LIGHT
 #define LIB_LIGHT
 
 #include "layout/scene.glsl"
 #include "lib/circle.glsl"
+#include "lib/light_tree.glsl"
 #include "lib/sampler.glsl"
 #include "lib/texture.glsl"
 
@@ -31,15 +32,16 @@ struct Lights {
     uvec2 alias;       // an AliasArray; structs do not hold references (layout/scene.glsl)
     uvec2 emitters;    // an EmitterArray
     uint count;
-    uint emitter_count;
+    uint emitter_entries;
     float emitter_density;
     float environment_density;
     float environment_floor;
+    LightTree tree;
 };
 
 Lights lights_of(SceneTable scene) {
-    return Lights(uvec2(scene.light_alias), uvec2(scene.emitters), scene.light_count, scene.emitter_count,
-                  scene.emitter_density, scene.environment_density, scene.environment_floor);
+    return Lights(uvec2(scene.light_alias), uvec2(scene.emitters), scene.light_count, HAS_LIGHT_TREE ? min(scene.emitter_count, 1u) : scene.emitter_count,
+                  scene.emitter_density, scene.environment_density, scene.environment_floor, light_tree_of(scene));
 }
 
 // To the bit what src/scene/light.rs computes, as small differences of it become densities.
@@ -54,9 +56,19 @@ float mis_weight(float pdf, float other_pdf) {
     return 1.0 / (1.0 + ratio * ratio);
 }
 
-// Density per unit solid angle of light-sampling a point on an emitter of that mean luminance, `distance_squared` away at |cos| `cosine`.
-float emitter_pdf(Lights lights, float brightness, bool both_sides, float distance_squared, float cosine) {
-    return lights.emitter_density * brightness * (both_sides ? 2.0 : 1.0) * distance_squared / cosine;
+// Density per area with which one of few emitters, of that mean luminance, is light-sampled.
+float emitter_density(Lights lights, float brightness, bool both_sides) {
+    return lights.emitter_density * brightness * (both_sides ? 2.0 : 1.0);
+}
+
+// The same of one of many, seen from a point. Triangles of no mean luminance are not sampled.
+float emitter_density(Lights lights, Hit hit, vec3 point) {
+    uint leaf = light_tree_leaf(lights.tree, hit.instance, hit.triangle);
+    if (leaf == lights.tree.leaf_count) {
+        return 0.0;
+    }
+    EmitterLeafRecord emitter = EmitterLeafArray(lights.tree.leaves).at[leaf];
+    return emitter.density * light_tree_probability(lights.tree, point, emitter.node);
 }
 
 float environment_pdf(Lights lights, vec3 radiance) {
@@ -89,7 +101,15 @@ LightSample sample_environment(SceneTable scene, Lights lights, uint texel, vec2
     return LightSample(direction * scene.reach, vec3(0.0), radiance, environment_pdf(lights, radiance), false);
 }
 
+// `index`: of an emitter, or, where a tree picks it, nothing.
 LightSample sample_emitter(SceneTable scene, Lights lights, uint index, vec3 position, vec2 u) {
+    float probability = 1.0;
+    if (HAS_LIGHT_TREE) {
+        PickedEmitter picked = light_tree_pick(lights.tree, position, u.x);
+        index = picked.index;
+        probability = picked.probability;
+        u.x = picked.rest;
+    }
     EmitterRecord emitter = EmitterArray(lights.emitters).at[index];
     float root = sqrt(u.x);
     vec2 place = root * vec2(1.0 - u.y, u.y);
@@ -108,7 +128,9 @@ LightSample sample_emitter(SceneTable scene, Lights lights, uint index, vec3 pos
     bool both_sides = emitter.emits_both_sides != 0u;
     float cosine = both_sides ? abs(facing) : facing;
     bool lit = cosine > 0.0 && distance_squared > 0.0;
-    float pdf = lit ? emitter_pdf(lights, brightness, both_sides, distance_squared, cosine) : 0.0;
+    float density = HAS_LIGHT_TREE ? probability * EmitterLeafArray(lights.tree.leaves).at[index].density
+                                   : emitter_density(lights, brightness, both_sides);
+    float pdf = lit ? density * distance_squared / cosine : 0.0;
     float gap = 4.0e-6 * (abs(point.x) + abs(point.y) + abs(point.z));
     vec3 off = normal * (inversesqrt(dot(normal, normal)) * gap);
     return LightSample(to_light, facing > 0.0 ? off : -off, emission, pdf, false);
@@ -125,11 +147,11 @@ LightSample sample_light(SceneTable scene, Lights lights, vec3 position, uvec2 u
     index = keeps ? index : alias.alias;
     fraction = keeps ? fraction / alias.keep : (fraction - alias.keep) / (1.0 - alias.keep);
     vec2 place = vec2(min(fraction, 1.0 - 6.0e-8), unit_interval(u.y));
-    if (HAS_EMITTERS && index < lights.emitter_count) {
+    if (HAS_EMITTERS && index < lights.emitter_entries) {
         return sample_emitter(scene, lights, index, position, place);
     }
     if (HAS_UNEVEN_SKY && !(HAS_SUN && index == lights.count - 1u)) {
-        return sample_environment(scene, lights, index - lights.emitter_count, place);
+        return sample_environment(scene, lights, index - lights.emitter_entries, place);
     }
     return LightSample(scene.sun_direction * scene.reach, vec3(0.0), scene.sun_irradiance, scene.sun_probability, true);
 }

@@ -16,8 +16,8 @@
 // Bounces that always survive.
 layout(constant_id = 27) const uint ROULETTE_AFTER = 3u;
 
-// Radiance that the surface itself sends along wo, weighted against the light sample that could have found it.
-vec3 emitted(Lights lights, Surface surface, MaterialRecord material, vec3 wo, float bsdf_pdf) {
+// Radiance that the surface itself sends along wo to a point, weighted against the light sample that could have found it from there.
+vec3 emitted(Lights lights, Surface surface, Hit hit, MaterialRecord material, vec3 wo, vec3 point, float bsdf_pdf) {
     float cosine = dot(wo, surface.front);
     bool both_sides = (material.flags & MATERIAL_EMITS_BOTH_SIDES) != 0u;
     if ((material.flags & MATERIAL_EMITS) == 0u || (cosine <= 0.0 && !both_sides)) {
@@ -31,13 +31,18 @@ vec3 emitted(Lights lights, Surface surface, MaterialRecord material, vec3 wo, f
     if (bsdf_pdf == 0.0) {
         return emission;
     }
-    vec3 mean = material.emission;
-    if (by_texture) {
-        vec2 uv = surface.uv_corner;
-        mean *= texture_mean(scene.textures.at[material.emission_texture], uv, uv + surface.uv_edge_1, uv + surface.uv_edge_2);
+    float density;
+    if (HAS_LIGHT_TREE) {
+        density = emitter_density(lights, hit, point);
+    } else {
+        vec3 mean = material.emission;
+        if (by_texture) {
+            vec2 uv = surface.uv_corner;
+            mean *= texture_mean(scene.textures.at[material.emission_texture], uv, uv + surface.uv_edge_1, uv + surface.uv_edge_2);
+        }
+        density = emitter_density(lights, luminance(mean), both_sides);
     }
-    float pdf = emitter_pdf(lights, luminance(mean), both_sides, surface.distance_squared, abs(cosine));
-    return emission * mis_weight(bsdf_pdf, pdf);
+    return emission * mis_weight(bsdf_pdf, density * surface.distance_squared / abs(cosine));
 }
 
 struct ShadowRay {
@@ -102,10 +107,11 @@ void pass_shade() {
     vec4 throughput_width = pool.throughput.at[slot];
     vec3 throughput = throughput_width.rgb;
     uvec4 hit_key = pool.hit_key.at[slot];
-    Surface surface = surface_at(scene, Hit(hit_key.x, hit_key.y), origin.xyz, direction, FAMILY != FAMILY_DIELECTRIC);
+    Hit hit = Hit(hit_key.x, hit_key.y);
+    Surface surface = surface_at(scene, hit, origin.xyz, direction, FAMILY != FAMILY_DIELECTRIC);
     MaterialRecord material = scene.materials.at[surface.material];
     if (HAS_EMITTERS) {
-        vec3 emission = emitted(lights, surface, material, -direction, origin.w);
+        vec3 emission = emitted(lights, surface, hit, material, -direction, origin.xyz, origin.w);
         if (has_path && emission != vec3(0.0)) {
             pool.radiance.at[slot].rgb += clamp_indirect(throughput * emission, bounce + 1u);
         }

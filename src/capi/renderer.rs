@@ -89,6 +89,8 @@ pub enum NeubrdfReserve {
     EmissionMaps = 2097152,
     /// Materials with patches of another one.
     Patches = 4194304,
+    /// Many emissive triangles, of which a tree picks the samples. Without it they are picked by power however many there come to be.
+    LightTree = 8388608,
 }
 
 /// What a host may choose; all of it may be 0.
@@ -262,7 +264,8 @@ impl NeubrdfOptions {
             (NeubrdfReserve::Sparse, Family::Sparse),
         ];
         let has = |bit: NeubrdfReserve| self.reserve & bit as u32 != 0;
-        if self.reserve & !0x3f_ffff != 0 {
+        let all = 2 * NeubrdfReserve::LightTree as u32 - 1;
+        if self.reserve & !all != 0 {
             return Err(Failure::argument(format!(
                 "NeubrdfOptions.reserve is {:#x}: bits of NeubrdfReserve",
                 self.reserve
@@ -272,6 +275,7 @@ impl NeubrdfOptions {
         Ok(Features {
             families: mask,
             emitters: has(NeubrdfReserve::Emitters),
+            light_tree: has(NeubrdfReserve::LightTree),
             environment: has(NeubrdfReserve::Environment),
             uneven_sky: has(NeubrdfReserve::Environment),
             sun: has(NeubrdfReserve::Sun),
@@ -527,4 +531,36 @@ pub unsafe extern "C" fn neubrdf_renderer_resize(
 ) -> NeubrdfResult {
     // SAFETY: as the caller says.
     call(|| Ok(unsafe { object(renderer, "renderer")? }.renderer.resize(width, height)?))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn whatever_has_a_bit_can_be_reserved() {
+        let reserved = |reserve| {
+            let choices = NeubrdfOptions {
+                size: size_of::<NeubrdfOptions>() as u32,
+                max_depth: 0,
+                seed: 0,
+                sampler: 0,
+                traversal: 0,
+                pool_paths: 0,
+                frames_in_flight: 0,
+                features: 0,
+                reserve,
+                crop: [0; 4],
+                neubrdf_count: 0,
+                clamp_indirect: 0.0,
+            };
+            choices.reserved()
+        };
+        let last = (NeubrdfReserve::LightTree as u32).ilog2();
+        for bit in 0..=last {
+            assert_ne!(reserved(1 << bit).ok().unwrap(), Features::NONE, "bit {bit}");
+        }
+        assert_eq!(reserved(0).ok().unwrap(), Features::NONE);
+        assert!(reserved(1 << (last + 1)).is_err());
+    }
 }

@@ -2,19 +2,20 @@
 
 use std::sync::Arc;
 
-use glam::{Affine3A, Vec3};
+use glam::Vec3;
 
+use super::device_lights::DeviceLights;
 use super::device_mesh::Deformed;
 use super::error::Error;
-use super::geometry::{Geometry, NextGeometry, Placement, overwrite};
+use super::geometry::{Geometry, NextGeometry, Placement};
 use super::kernels::Features;
-use super::layout::{AliasRecord, EmitterRecord, SceneTable, TextureRecord};
-use super::material_record::{DeviceMaterials, MaterialRecord};
+use super::layout::{SceneTable, TextureRecord};
+use super::material_record::DeviceMaterials;
 use super::neubrdf_table::{NeuBrdfShape, neubrdfs};
 use super::settings::Traversal;
 use crate::gpu::{Buffer, HostMesh, Tlas, Update, Upload};
 use crate::scene::brdf::Precision;
-use crate::scene::{Environment, LightTable, Material, Scene, TexturePlacement, luminance};
+use crate::scene::{Environment, LightTable, Material, Scene, TexturePlacement};
 
 /// The uploaded scene.
 pub struct DeviceScene {
@@ -29,14 +30,6 @@ pub struct DeviceScene {
     chosen_precision: bool,
     // Held for the texture records' pointers.
     _buffers: Vec<Arc<Buffer>>,
-}
-
-/// The lights on the device, without what the features say is not there.
-#[derive(Clone)]
-struct DeviceLights {
-    alias: Option<Arc<Buffer>>,
-    emitters: Option<Arc<Buffer>>,
-    environment: Option<Arc<Buffer>>,
 }
 
 /// What of a scene is another than it was.
@@ -97,8 +90,7 @@ impl DeviceScene {
             textures = records.address();
             buffers.push(records);
         }
-        let none = DeviceLights { alias: None, emitters: None, environment: None };
-        let device_lights = none.overwritten(upload, scene, lights, features)?;
+        let device_lights = DeviceLights::default().overwritten(upload, scene, lights, features)?;
         let table = table(scene, lights, &geometry, geometry.placement(), &materials, textures, &device_lights);
         let table = upload.buffer("scene table", &[table])?;
         Ok(DeviceScene {
@@ -126,7 +118,7 @@ impl DeviceScene {
         features: &Features,
         changed: &Changed,
     ) -> Result<NextScene, Error> {
-        let table_of_lights = LightTable::new(scene);
+        let table_of_lights = LightTable::with_tree(scene, |_| features.light_tree);
         if let Some(what) = features.lacks_of(&Features::of(scene, &table_of_lights)) {
             return Err(Error::Fixed { what });
         }
@@ -185,35 +177,6 @@ impl DeviceScene {
     }
 }
 
-impl DeviceLights {
-    fn overwritten(
-        &self,
-        upload: &mut Upload,
-        scene: &Scene,
-        lights: &LightTable,
-        features: &Features,
-    ) -> Result<DeviceLights, Error> {
-        let mut next = DeviceLights { alias: None, emitters: None, environment: None };
-        if features.samples_lights() {
-            let mut records: Vec<_> =
-                lights.alias.iter().map(|(keep, alias)| AliasRecord { keep: *keep, alias: *alias }).collect();
-            if records.is_empty() {
-                // Kernels that were built for lights pick one also where all are dark.
-                records.push(AliasRecord { keep: 1.0, alias: 0 });
-            }
-            next.alias = Some(overwrite(upload, self.alias.as_ref(), "light table", &records)?);
-        }
-        if features.emitters {
-            let records: Vec<_> = lights.triangles.iter().map(|triangle| emitter(scene, *triangle)).collect();
-            next.emitters = Some(overwrite(upload, self.emitters.as_ref(), "emitters", &records)?);
-        }
-        if let Some(sky) = scene.environment.as_ref().filter(|_| features.environment) {
-            next.environment = Some(overwrite(upload, self.environment.as_ref(), "environment", &sky.texels)?);
-        }
-        Ok(next)
-    }
-}
-
 fn table(
     scene: &Scene,
     lights: &LightTable,
@@ -235,6 +198,9 @@ fn table(
         textures,
         light_alias: address(&device_lights.alias),
         emitters: address(&device_lights.emitters),
+        light_nodes: address(&device_lights.tree.nodes),
+        light_parents: address(&device_lights.tree.parents),
+        emitter_leaves: address(&device_lights.tree.leaves),
         environment: address(&device_lights.environment),
         light_count: lights.len() as u32,
         emitter_count: lights.triangles.len() as u32,
@@ -248,29 +214,5 @@ fn table(
         sun_irradiance: sun.map_or(Vec3::ZERO, |sun| sun.irradiance).to_array(),
         reach: 2.5 * scene.bounds().radius() + 1e-30,
         padding: 0,
-    }
-}
-
-/// An emissive triangle in world space, its corners ordered so that edge_u × edge_v points to its front.
-fn emitter(scene: &Scene, [instance, triangle]: [u32; 2]) -> EmitterRecord {
-    let instance = &scene.instances[instance as usize];
-    let mesh = &scene.meshes[instance.mesh as usize];
-    let to_world: Affine3A = instance.object_to_world;
-    let [a, b, c] = mesh.corners(triangle as usize).map(|corner| to_world.transform_point3(corner));
-    let [uv_a, uv_b, uv_c] = mesh.corner_uvs(triangle as usize);
-    let is_mirrored = to_world.matrix3.determinant() < 0.0;
-    let ((b, uv_b), (c, uv_c)) = if is_mirrored { ((c, uv_c), (b, uv_b)) } else { ((b, uv_b), (c, uv_c)) };
-    let material = &scene.materials[mesh.material(triangle as usize) as usize];
-    EmitterRecord {
-        corner: a.to_array(),
-        edge_u: (b - a).to_array(),
-        edge_v: (c - a).to_array(),
-        emission: material.emission.to_array(),
-        emits_both_sides: u32::from(material.emits_both_sides),
-        emission_texture: material.emission_texture.unwrap_or(MaterialRecord::NO_TEXTURE),
-        brightness: luminance(scene.mean_emission(mesh, triangle as usize)),
-        uv: uv_a.to_array(),
-        uv_u: (uv_b - uv_a).to_array(),
-        uv_v: (uv_c - uv_a).to_array(),
     }
 }

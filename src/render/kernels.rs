@@ -58,6 +58,8 @@ macro_rules! features {
 features! {
     /// Some triangle emits.
     emitters: 2, "emissive triangles";
+    /// A tree picks one of the emissive triangles, of which there are many.
+    light_tree: 36, "a tree over many emissive triangles";
     /// There is a sky.
     environment: 3, "a sky";
     /// The sky is worth light samples: some of it is much brighter than the rest.
@@ -102,6 +104,7 @@ impl Features {
             neubrdf_queues: neubrdf_queues(&scene.brdfs),
             emitters: !lights.is_empty() && !lights.triangles.is_empty()
                 || used().any(|material| glows(material, scene)),
+            light_tree: lights.tree.is_some(),
             environment: scene.environment.as_ref().is_some_and(|sky| !sky.is_black()),
             uneven_sky: lights.environment_texels > 0,
             sun: scene.sun.is_some_and(|sun| sun.irradiance != Vec3::ZERO),

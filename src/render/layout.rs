@@ -44,6 +44,24 @@ crate::shared_structs! {
     }
 
     /// `glsl/layout/scene.glsl`
+    pub struct LightNodeRecord {
+        pub center: [f32; 3],
+        pub radius: f32,
+        pub axis: u32,
+        pub spread_deviation: u32,
+        pub power: f32,
+        pub child: u32,
+    }
+
+    /// `glsl/layout/scene.glsl`
+    pub struct EmitterLeafRecord {
+        pub instance: u32,
+        pub triangle: u32,
+        pub node: u32,
+        pub density: f32,
+    }
+
+    /// `glsl/layout/scene.glsl`
     pub struct AliasRecord {
         pub keep: f32,
         pub alias: u32,
@@ -68,6 +86,9 @@ crate::shared_structs! {
         pub light_alias: u64,
         pub emitters: u64,
         pub environment: u64,
+        pub light_nodes: u64,
+        pub light_parents: u64,
+        pub emitter_leaves: u64,
         pub light_count: u32,
         pub emitter_count: u32,
         pub environment_size: [u32; 2],

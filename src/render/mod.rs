@@ -7,6 +7,7 @@ pub mod bvh;
 
 mod brdf_table;
 mod checkpoint;
+mod device_lights;
 mod device_mesh;
 mod device_scene;
 mod error;

@@ -58,8 +58,11 @@ impl PathTracer {
             return Err(Error::Setting { name: "limit of indirect light", found, expected: "a number above 0" });
         }
         let traversal = traversal_for(&device, options.traversal)?;
-        let lights = LightTable::new(scene);
+        let mut lights = LightTable::new(scene);
         let features = Features::of(scene, &lights).or(reserve);
+        if features.light_tree != lights.tree.is_some() {
+            lights = LightTable::with_tree(scene, |_| features.light_tree);
+        }
         if features.sun && !settings.light_sampling {
             return Err(Error::Setting {
                 name: "light sampling",

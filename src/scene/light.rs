@@ -8,6 +8,8 @@
 //!
 //! - a point on an emissive triangle, per unit area:
 //!   [`emitter_density`](LightTable::emitter_density)` · Y(emission) · sides`, the emission that of [`Scene::mean_emission`];
+//!   of many, one is picked by what it sends to the point where the sample is taken ([`LightTree`]), with a probability of
+//!   [`emitter_share`](LightTable::emitter_share)` · `[`LightTree::probability`];
 //! - a direction to the environment, per unit solid angle:
 //!   [`environment_density`](LightTable::environment_density)` · max(0, Y(radiance) − `[`environment_floor`](LightTable::environment_floor)`)`;
 //! - the sun: the probability [`sun_probability`](LightTable::sun_probability).
@@ -19,7 +21,8 @@
 use glam::{DVec2, DVec3, Vec2, Vec3};
 use std::f64::consts::{PI, TAU};
 
-use super::{Mesh, Scene, Texture};
+use super::light_tree::LightTree;
+use super::{Instance, Material, Mesh, Scene, Texture};
 
 /// Largest radiance and irradiance that a scene may hold, so that sums of them stay finite in `f32`.
 pub(super) const BRIGHTEST: f32 = 1e12;
@@ -29,6 +32,9 @@ const FAINTEST: f64 = 1e-36;
 
 /// A sky that is nowhere brighter than this many times its mean is even: sampling it costs more than it gains (docs/design.md).
 const EVEN: f32 = 3.0;
+
+/// So many emissive triangles or more are picked by a tree: for fewer it costs more than it gains (docs/design.md).
+const MANY: usize = 16;
 
 /// A lat-long environment: radiance constant over each texel, so that sampling it by texel is exact.
 ///
@@ -58,12 +64,16 @@ pub struct Sun {
 /// An alias table over all lights of a scene.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LightTable {
-    /// (instance, triangle) of each emissive triangle; these are the table's first entries.
+    /// (instance, triangle) of each emissive triangle, in ascending order; these are the table's first entries, or all together its first if there is a tree.
     pub triangles: Vec<[u32; 2]>,
+    /// What picks one of these triangles where they are many.
+    pub tree: Option<LightTree>,
     /// Number of environment texels in the table; they come next, and are none if the sky is even. The sun is last, if there is one.
     pub environment_texels: u32,
     /// Walker's alias method: entry i stays with probability `.0`, else gives way to entry `.1`.
     pub alias: Vec<(f32, u32)>,
+    /// Of the samples, that emissive triangles get. 0 without any.
+    pub emitter_share: f64,
     /// Times luminance and sides: density per area of a point on an emissive triangle. 0 without any.
     pub emitter_density: f64,
     /// Times what the luminance has above the floor: density per solid angle of a direction to the environment. 0 if none is sampled.
@@ -74,28 +84,57 @@ pub struct LightTable {
     pub sun_probability: f64,
 }
 
-/// What an entry of the [`LightTable`] stands for.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Light {
-    /// An emissive triangle.
-    Triangle {
-        /// Index into [`Scene::instances`].
-        instance: u32,
-        /// Index into the triangles of its mesh.
-        triangle: u32,
-    },
-    /// A texel of the environment.
-    Texel {
-        /// From 0 at u = 0.
-        column: u32,
-        /// From 0 at the zenith.
-        row: u32,
-    },
-    /// The sun.
-    Sun,
+/// A triangle that emits, in world space.
+#[derive(Clone, Copy, Debug)]
+pub struct EmissiveTriangle<'a> {
+    /// In an order in which (b − a) × (c − a) points to the front.
+    pub corners: [Vec3; 3],
+    /// Of the corners; (0, 0) where the mesh has none.
+    pub uvs: [Vec2; 3],
+    /// Of the triangle.
+    pub material: &'a Material,
+    /// See [`Scene::mean_emission`].
+    pub mean_emission: Vec3,
+}
+
+impl EmissiveTriangle<'_> {
+    /// In world space.
+    pub fn area(&self) -> f64 {
+        self.normal_times_two_areas().length() / 2.0
+    }
+
+    /// Of the front: unit, or 0 where the area is.
+    pub fn normal(&self) -> Vec3 {
+        self.normal_times_two_areas().normalize_or_zero().as_vec3()
+    }
+
+    fn normal_times_two_areas(&self) -> DVec3 {
+        let [a, b, c] = self.corners.map(Vec3::as_dvec3);
+        (b - a).cross(c - a)
+    }
+
+    /// Over π.
+    fn power(&self) -> f64 {
+        let sides = if self.material.emits_both_sides { 2.0 } else { 1.0 };
+        f64::from(luminance(self.mean_emission)) * self.area() * sides
+    }
 }
 
 impl Scene {
+    /// A triangle of an instance in the world.
+    pub fn emissive_triangle(&self, [instance, triangle]: [u32; 2]) -> EmissiveTriangle<'_> {
+        let Instance { mesh, object_to_world } = self.instances[instance as usize];
+        let mesh = &self.meshes[mesh as usize];
+        let mut corners = mesh.corners(triangle as usize).map(|corner| object_to_world.transform_point3(corner));
+        let mut uvs = mesh.corner_uvs(triangle as usize);
+        if object_to_world.matrix3.determinant() < 0.0 {
+            corners.swap(1, 2);
+            uvs.swap(1, 2);
+        }
+        let material = &self.materials[mesh.material(triangle as usize) as usize];
+        EmissiveTriangle { corners, uvs, material, mean_emission: self.mean_emission(mesh, triangle as usize) }
+    }
+
     /// What a triangle emits on average, by which it is sampled. Of a texture that is the mean of four places in it, so that a hit can tell as well
     /// (`texture_mean` of glsl/lib/texture.glsl). Where the texture is black there, but not all over, paths find the light without its being sampled.
     pub fn mean_emission(&self, mesh: &Mesh, triangle: usize) -> Vec3 {
@@ -197,30 +236,40 @@ fn turn_about_y(v: DVec3, radians: f64) -> DVec3 {
 }
 
 impl LightTable {
-    /// The table of a scene, in time linear in its triangles and texels.
+    /// The table of a scene, in time linear in its triangles and texels; with a tree if enough triangles emit for it to be worth it.
     pub fn new(scene: &Scene) -> LightTable {
+        LightTable::with_tree(scene, |emitters| emitters >= MANY)
+    }
+
+    /// The same, with a tree if the number of emissive triangles is said to be worth it.
+    pub fn with_tree(scene: &Scene, is_worth_it: impl Fn(usize) -> bool) -> LightTable {
         let mut triangles = Vec::new();
         let mut weights = Vec::new();
-        for (instance, &super::Instance { mesh, object_to_world }) in scene.instances.iter().enumerate() {
-            let mesh = &scene.meshes[mesh as usize];
-            if !mesh.materials.iter().any(|&material| scene.materials[material as usize].is_emissive()) {
+        for (instance, Instance { mesh, .. }) in scene.instances.iter().enumerate() {
+            let mesh = &scene.meshes[*mesh as usize];
+            let emits = |material: u32| scene.materials[material as usize].is_emissive();
+            if !mesh.materials.iter().any(|material| emits(*material)) {
                 continue;
             }
-            for triangle in 0..mesh.triangles.len() {
-                let material = &scene.materials[mesh.material(triangle) as usize];
-                if material.is_emissive() {
-                    let [a, b, c] = mesh.corners(triangle).map(|p| object_to_world.transform_point3(p).as_dvec3());
-                    let area = (b - a).cross(c - a).length() / 2.0;
-                    let sides = if material.emits_both_sides { 2.0 } else { 1.0 };
-                    let emission = scene.mean_emission(mesh, triangle);
-                    if emission != Vec3::ZERO {
-                        triangles.push([instance as u32, triangle as u32]);
-                        weights.push(f64::from(luminance(emission)) * area * sides);
-                    }
+            for triangle in (0..mesh.triangles.len()).filter(|triangle| emits(mesh.material(*triangle))) {
+                let place = [instance as u32, triangle as u32];
+                let emitter = scene.emissive_triangle(place);
+                if emitter.mean_emission != Vec3::ZERO {
+                    triangles.push(place);
+                    weights.push(emitter.power());
                 }
             }
         }
         let emitted: f64 = weights.iter().sum();
+        let tree = is_worth_it(triangles.len()).then(|| {
+            let emitters = triangles.iter().map(|triangle| scene.emissive_triangle(*triangle));
+            LightTree::new(&emitters.collect::<Vec<_>>(), &weights)
+        });
+        if tree.is_some() {
+            weights.truncate(1);
+            weights.fill(emitted);
+        }
+        let emitters = weights.len();
 
         let mut environment_texels = 0;
         let floor = scene.environment.as_ref().map_or(0.0, |environment| environment.mean_luminance() as f32);
@@ -234,21 +283,23 @@ impl LightTable {
                 weights.extend(texels.iter().map(|radiance| solid_angle * above_floor(radiance)));
             }
         }
-        let from_sky: f64 = weights[triangles.len()..].iter().sum();
+        let from_sky: f64 = weights[emitters..].iter().sum();
         let sun = scene.sun.map(|sun| f64::from(luminance(sun.irradiance)));
         weights.extend(sun);
 
         let kinds = [emitted, from_sky, sun.unwrap_or(0.0)];
         let share = 1.0 / kinds.iter().filter(|weight| **weight > FAINTEST).count() as f64;
         let density = kinds.map(|weight| if weight > FAINTEST { share / weight } else { 0.0 });
-        let [emitters, others] = [triangles.len(), triangles.len() + environment_texels as usize];
+        let others = emitters + environment_texels as usize;
         for (entry, weight) in weights.iter_mut().enumerate() {
             *weight *= density[usize::from(entry >= emitters) + usize::from(entry >= others)];
         }
         LightTable {
             triangles,
+            tree,
             environment_texels,
             alias: alias_table(&weights),
+            emitter_share: density[0] * emitted,
             emitter_density: density[0],
             environment_density: density[1],
             environment_floor: floor,
@@ -264,27 +315,6 @@ impl LightTable {
     /// Whether the scene has no light.
     pub fn is_empty(&self) -> bool {
         self.alias.is_empty()
-    }
-
-    /// The entry that u in [0, 1) picks. Precondition: the table is not empty.
-    pub fn pick(&self, u: f64) -> usize {
-        let scaled = u * self.len() as f64;
-        let entry = (scaled as usize).min(self.len() - 1);
-        let (stay, other) = self.alias[entry];
-        if scaled - (entry as f64) < f64::from(stay) { entry } else { other as usize }
-    }
-
-    /// What an entry stands for, in a scene whose environment is `width` texels wide.
-    pub fn light(&self, entry: usize, width: u32) -> Light {
-        if let Some(&[instance, triangle]) = self.triangles.get(entry) {
-            return Light::Triangle { instance, triangle };
-        }
-        let texel = (entry - self.triangles.len()) as u32;
-        if texel < self.environment_texels {
-            Light::Texel { column: texel % width, row: texel / width }
-        } else {
-            Light::Sun
-        }
     }
 }
 
@@ -402,43 +432,60 @@ mod tests {
         assert_eq!(table.triangles, [[0, 0], [0, 2], [1, 0], [1, 2]]);
         assert_eq!(table.environment_texels, 12);
         assert_eq!(table.len(), 4 + 12 + 1);
+        assert_eq!(table.tree, None);
 
         let environment = scene.environment.as_ref().unwrap();
-        let areas = [0.5, 1.0, 2.0, 4.0];
-        let emitted = 3.0 * (0.5 + 2.0) + 2.0 * 5.0 * (1.0 + 4.0);
+        let brightness_by_area = [3.0 * 0.5, 2.0 * 5.0 * 1.0, 3.0 * 2.0, 2.0 * 5.0 * 4.0];
+        let emitted: f64 = brightness_by_area.iter().sum();
         let mean: f64 =
             (0..12).map(|i| f64::from(brightness(i)) * environment.solid_angle(i / 4)).sum::<f64>() / (4.0 * PI);
         assert_close(table.environment_floor.into(), mean);
         let above_mean = |texel: u32| (f64::from(brightness(texel)) - mean).max(0.0);
         let from_sky: f64 = (0..12).map(|i| above_mean(i) * environment.solid_angle(i / 4)).sum();
         for (entry, probability) in implied(&table.alias).into_iter().enumerate() {
-            let (of_its_kind, density) = match table.light(entry, environment.width) {
-                Light::Triangle { triangle: 0, .. } => {
-                    (3.0 * areas[entry] / emitted, table.emitter_density * 3.0 * areas[entry])
+            let (of_its_kind, density) = match entry {
+                0..4 => {
+                    let light = brightness_by_area[entry];
+                    (light / emitted, table.emitter_density * light)
                 }
-                Light::Triangle { .. } => {
-                    (10.0 * areas[entry] / emitted, table.emitter_density * 5.0 * 2.0 * areas[entry])
-                }
-                Light::Texel { column, row } => {
-                    let light = above_mean(row * 4 + column) * environment.solid_angle(row);
+                4..16 => {
+                    let texel = entry as u32 - 4;
+                    let light = above_mean(texel) * environment.solid_angle(texel / 4);
                     (light / from_sky, table.environment_density * light)
                 }
-                Light::Sun => (1.0, table.sun_probability),
+                _ => (1.0, table.sun_probability),
             };
             assert_close(probability, of_its_kind / 3.0);
             assert_close(density, probability);
         }
     }
 
+    /// Of triangles that a tree picks, the table has one entry for all; nothing else changes.
     #[test]
-    fn pick_follows_the_table() {
-        let table = LightTable::new(&scene_with_all_lights());
-        let expected = implied(&table.alias);
-        let mut counts = vec![0u32; table.len()];
-        let n = 1_000_000;
-        (0..n).for_each(|i| counts[table.pick((f64::from(i) + 0.5) / f64::from(n))] += 1);
-        for (count, probability) in counts.into_iter().zip(expected) {
-            assert!((f64::from(count) / f64::from(n) - probability).abs() < 1e-4);
+    fn a_tree_has_one_entry() {
+        let scene = scene_with_all_lights();
+        let [without, with] = [false, true].map(|is_worth_it| LightTable::with_tree(&scene, |_| is_worth_it));
+        assert_eq!(with.tree.as_ref().unwrap().leaves.len(), 4);
+        assert_eq!(with.len(), 1 + 12 + 1);
+        let [all, one] = [&without, &with].map(|table| implied(&table.alias));
+        assert_close(one[0], all[..4].iter().sum());
+        one[1..].iter().zip(&all[4..]).for_each(|(found, expected)| assert_close(*found, *expected));
+        assert_close(with.emitter_share, 1.0 / 3.0);
+        let same = |table: &LightTable| {
+            (table.triangles.clone(), table.emitter_density, table.environment_density, table.sun_probability)
+        };
+        assert_eq!(same(&with), same(&without));
+    }
+
+    /// The order of the corners follows the front, also in a mirror.
+    #[test]
+    fn emissive_triangles_face_their_front() {
+        let mut scene = scene_with_all_lights();
+        for sign in [1.0, -1.0] {
+            scene.instances[0].object_to_world = Affine3A::from_scale(Vec3::new(sign, 1.0, 1.0));
+            let emitter = scene.emissive_triangle([0, 0]);
+            assert_eq!(emitter.normal(), Vec3::Z);
+            assert_close(emitter.area(), 0.5);
         }
     }
 
@@ -451,6 +498,7 @@ mod tests {
         let table = LightTable::new(&scene);
         assert!(table.is_empty());
         assert_eq!([table.emitter_density, table.environment_density, table.sun_probability], [0.0; 3]);
+        assert!(table.tree.is_none() && table.emitter_share == 0.0);
     }
 
     /// A hemisphere that is twice as bright as the mean is none that light samples are for; a cap that has all the light is.

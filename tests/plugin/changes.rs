@@ -206,6 +206,50 @@ fn an_uneven_sky_may_be_the_first_light() {
     });
 }
 
+/// With a tree that was reserved, as if by a renderer made for them; without one, picked by power, as bright as that.
+#[test]
+fn lamps_may_come_to_be_many_and_few_again() {
+    in_lavapipe_hosts(|host| {
+        let device = host.lend();
+        let mut many = scene();
+        many.materials[2].emission /= 20.0;
+        let few = many.clone();
+        let lamp = many.instances[2];
+        many.instances.extend((0..19).map(|i| {
+            let aside = 0.2 * Vec3::new((i % 5) as f32, 0.1 * (i + 1) as f32, (i / 5) as f32);
+            let aside = Affine3A::from_translation(aside);
+            Instance { object_to_world: aside * lamp.object_to_world, ..lamp }
+        }));
+        let of_many = Renderer::new(&device, many.clone(), &options_of(host)).unwrap().features().light_tree;
+        let of_few = Renderer::new(&device, few.clone(), &options_of(host)).unwrap().features().light_tree;
+        assert!(of_many && !of_few);
+        let same = |found: &Bits, expected: &Bits| (mean(found) / mean(expected) - 1.0).abs() < 0.03;
+        for light_tree in [true, false] {
+            let reserve = Features { light_tree, ..Features::NONE };
+            let mut renderer = Renderer::new(&device, few.clone(), &Options { reserve, ..options_of(host) }).unwrap();
+            let at_first = frame(host, &device, &mut renderer, 32).0;
+            assert!(same(&at_first, &expected(host, &few, 32)));
+            renderer.update(&[Change::Instances(many.instances.clone())]).unwrap();
+            let (picture, made_for_it) = (frame(host, &device, &mut renderer, 32).0, expected(host, &many, 32));
+            assert_eq!(picture == made_for_it, light_tree);
+            assert!(same(&picture, &made_for_it));
+            renderer.update(&[Change::Instances(few.instances.clone())]).unwrap();
+            assert!(frame(host, &device, &mut renderer, 32).0 == at_first);
+
+            // None at all.
+            let mut dark = few.materials[2].clone();
+            dark.emission = Vec3::ZERO;
+            renderer.update(&[Change::Environment(None), Change::Material { index: 2, material: dark }]).unwrap();
+            assert!(mean(&frame(host, &device, &mut renderer, 2).0) == 0.0);
+            let sky = few.environment.clone();
+            renderer
+                .update(&[Change::Environment(sky), Change::Material { index: 2, material: few.materials[2].clone() }])
+                .unwrap();
+            assert!(frame(host, &device, &mut renderer, 32).0 == at_first);
+        }
+    });
+}
+
 #[test]
 fn holes_may_come_and_go() {
     in_lavapipe_hosts(|host| {

@@ -140,6 +140,25 @@ fn ten_thousand_lights_are_normal() {
     assert_eq!(LightTable::new(&scene).triangles.len(), 10_000);
 }
 
+/// Most of its lamps matter to none of what is in view: a tree picks those that do.
+#[test]
+fn a_building_has_many_lamps() {
+    let folder = tempfile::tempdir().unwrap();
+    make_scenes::building::write(folder.path()).unwrap();
+    let (scene, warnings) = Scene::load(folder.path().join("scene.toml")).unwrap();
+    assert!(warnings.is_empty(), "{warnings:?}");
+    let lights = LightTable::new(&scene);
+    assert_eq!(lights.triangles.len(), 36 * 6 * 2);
+    let tree = lights.tree.unwrap();
+    let eye = scene.camera.eye;
+    let near: f32 = (0..lights.triangles.len())
+        .filter(|index| scene.emissive_triangle(lights.triangles[*index]).corners[0].distance(eye) < 4.0)
+        .map(|index| tree.probability(eye, index as u32))
+        .sum();
+    // By power it would be a tenth, as of the area.
+    assert!(near > 0.4, "{near} for what is within 4 m");
+}
+
 #[test]
 fn a_file_of_one_material_says_what_a_scene_says_of_it() {
     let table = "type = \"coated\"\nalbedo = [0.1, 0.2, 0.3]\nroughness = 0.5\n";
