@@ -56,7 +56,7 @@ struct PathPool {
     Vec4Array origin;            // xyz: ray origin; w: pdf of the BSDF sample that made the ray, 0 where no light sample competes
     Vec4Array direction;         // xyz: unit ray direction; w: by which the path's cone grows, lib/footprint.glsl
     Vec4Array throughput;        // rgb; w: the cone's width at the ray's origin
-    Vec4Array radiance;          // rgb: what the path has gathered
+    Vec4Array radiance;          // rgb: what the path has gathered; w, bits: the normal where it last scattered, lib/light_tree.glsl
     UVec4Array hit_key;          // instance, triangle (and IN_PATCH); SampleKey
     Vec4Array shadow_origin;     // by place in the shadow queue. xyz: origin; w: contribution.r
     Vec4Array shadow_direction;  // xyz: to the light, not normalised, the light being at t = 1 (or infinitely far); w: contribution.g

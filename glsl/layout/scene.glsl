@@ -25,7 +25,7 @@ layout(buffer_reference, scalar, buffer_reference_align = 4) readonly buffer Emi
     EmitterRecord at[];
 };
 
-// A node of the tree that picks one of many emitters; pairs of siblings stand side by side, the root's children first.
+// A node of the tree that picks an emitter; pairs of siblings stand side by side, the root's children first.
 struct LightNodeRecord {
     vec3 center;             // where their power is on average; of a sphere around them
     float radius;

@@ -1,6 +1,6 @@
 // Lights: emissive triangles, sky texels and the sun, through one alias table. Each of these kinds has the same share of the
 // samples and is picked from by power. The densities have closed forms (src/scene/light.rs), so that neither a light nor a hit
-// looks anything up to know them. Where many triangles emit, the table has one entry for all of them, and a tree picks one.
+// looks anything up to know them. Where more than a few triangles emit, the table has one entry for all of them, and a tree picks one.
 #ifndef LIB_LIGHT
 #define LIB_LIGHT
 
@@ -56,19 +56,19 @@ float mis_weight(float pdf, float other_pdf) {
     return 1.0 / (1.0 + ratio * ratio);
 }
 
-// Density per area with which one of few emitters, of that mean luminance, is light-sampled.
+// Density per area with which an emitter of that mean luminance is light-sampled by power.
 float emitter_density(Lights lights, float brightness, bool both_sides) {
     return lights.emitter_density * brightness * (both_sides ? 2.0 : 1.0);
 }
 
-// The same of one of many, seen from a point. Triangles of no mean luminance are not sampled.
-float emitter_density(Lights lights, Hit hit, vec3 point) {
+// The same of one that a tree picks, for a receiver. Triangles of no mean luminance are not sampled.
+float emitter_density(Lights lights, Hit hit, Receiver receiver) {
     uint leaf = light_tree_leaf(lights.tree, hit.instance, hit.triangle);
     if (leaf == lights.tree.leaf_count) {
         return 0.0;
     }
     EmitterLeafRecord emitter = EmitterLeafArray(lights.tree.leaves).at[leaf];
-    return emitter.density * light_tree_probability(lights.tree, point, emitter.node);
+    return emitter.density * light_tree_probability(lights.tree, receiver, emitter.node);
 }
 
 float environment_pdf(Lights lights, vec3 radiance) {
@@ -102,10 +102,10 @@ LightSample sample_environment(SceneTable scene, Lights lights, uint texel, vec2
 }
 
 // `index`: of an emitter, or, where a tree picks it, nothing.
-LightSample sample_emitter(SceneTable scene, Lights lights, uint index, vec3 position, vec2 u) {
+LightSample sample_emitter(SceneTable scene, Lights lights, uint index, Receiver receiver, vec2 u) {
     float probability = 1.0;
     if (HAS_LIGHT_TREE) {
-        PickedEmitter picked = light_tree_pick(lights.tree, position, u.x);
+        PickedEmitter picked = light_tree_pick(lights.tree, receiver, u.x);
         index = picked.index;
         probability = picked.probability;
         u.x = picked.rest;
@@ -121,7 +121,7 @@ LightSample sample_emitter(SceneTable scene, Lights lights, uint index, vec3 pos
         emission *= texture_color(scene.textures.at[emitter.emission_texture], uv);
         brightness = emitter.brightness;
     }
-    vec3 to_light = point - position;
+    vec3 to_light = point - receiver.point;
     vec3 normal = cross(emitter.edge_u, emitter.edge_v);
     float distance_squared = dot(to_light, to_light);
     float facing = -dot(normal, to_light) * inversesqrt(dot(normal, normal) * distance_squared);
@@ -138,7 +138,7 @@ LightSample sample_emitter(SceneTable scene, Lights lights, uint index, vec3 pos
 
 // `u`: two 32-bit fractions. The first picks the table's entry, and what is left of it serves again for the place on the light,
 // which keeps a well-spread sequence well spread.
-LightSample sample_light(SceneTable scene, Lights lights, vec3 position, uvec2 u) {
+LightSample sample_light(SceneTable scene, Lights lights, Receiver receiver, uvec2 u) {
     uint index, rest;
     umulExtended(u.x, lights.count, index, rest);
     AliasRecord alias = AliasArray(lights.alias).at[index];
@@ -148,7 +148,7 @@ LightSample sample_light(SceneTable scene, Lights lights, vec3 position, uvec2 u
     fraction = keeps ? fraction / alias.keep : (fraction - alias.keep) / (1.0 - alias.keep);
     vec2 place = vec2(min(fraction, 1.0 - 6.0e-8), unit_interval(u.y));
     if (HAS_EMITTERS && index < lights.emitter_entries) {
-        return sample_emitter(scene, lights, index, position, place);
+        return sample_emitter(scene, lights, index, receiver, place);
     }
     if (HAS_UNEVEN_SKY && !(HAS_SUN && index == lights.count - 1u)) {
         return sample_environment(scene, lights, index - lights.emitter_entries, place);

@@ -1,11 +1,11 @@
-// Finds one of many emissive triangles that matters where a light sample is taken, and the probability of having found it:
+// Finds one of several emissive triangles that matters where a light sample is taken, and the probability of having found it:
 // `LightTree` of src/scene/light_tree.rs.
 #ifndef LIB_LIGHT_TREE
 #define LIB_LIGHT_TREE
 
 #include "layout/scene.glsl"
 
-// Many triangles emit, and a tree is there that picks one.
+// More than a few triangles emit, and a tree is there that picks one.
 layout(constant_id = 36) const bool HAS_LIGHT_TREE = false;
 
 // Where the tree is; the arrays of layout/scene.glsl, as structs do not hold references.
@@ -20,13 +20,38 @@ LightTree light_tree_of(SceneTable scene) {
     return LightTree(uvec2(scene.light_nodes), uvec2(scene.light_parents), uvec2(scene.emitter_leaves), scene.emitter_count);
 }
 
-// Octahedral, two 16-bit numbers in [-1, 1].
+// Where light may arrive: a point, and the normal of the side that it counts on, or 0 if it counts on both.
+struct Receiver {
+    vec3 point;
+    vec3 normal;
+};
+
+vec2 fold_over(vec2 e) {
+    return (1.0 - abs(e.yx)) * vec2(e.x >= 0.0 ? 1.0 : -1.0, e.y >= 0.0 ? 1.0 : -1.0);
+}
+
+// A unit vector in an octahedron's square, two 16-bit numbers in [-1, 1] (Cigolle et al. 2014).
+uint pack_axis(vec3 v) {
+    vec2 e = v.xy / (abs(v.x) + abs(v.y) + abs(v.z));
+    return packSnorm2x16(v.z < 0.0 ? fold_over(e) : e);
+}
+
 vec3 unpack_axis(uint packed) {
     vec2 e = unpackSnorm2x16(packed);
-    vec3 v = vec3(e, 1.0 - abs(e.x) - abs(e.y));
-    float fold = max(-v.z, 0.0);
-    v.xy += vec2(v.x >= 0.0 ? -fold : fold, v.y >= 0.0 ? -fold : fold);
-    return normalize(v);
+    float z = 1.0 - abs(e.x) - abs(e.y);
+    return normalize(vec3(z < 0.0 ? fold_over(e) : e, z));
+}
+
+// Stands for no normal: the packing of none.
+const uint NO_NORMAL = 0x80008000u;
+
+uint pack_normal(vec3 normal, bool both_sides) {
+    return both_sides ? NO_NORMAL : pack_axis(normal);
+}
+
+// As packed, so that a path that goes on from the point knows the same receiver.
+Receiver receiver_at(vec3 point, uint packed_normal) {
+    return Receiver(point, packed_normal == NO_NORMAL ? vec3(0.0) : unpack_axis(packed_normal));
 }
 
 // The cosine, and its sine.
@@ -39,18 +64,21 @@ vec2 less_angle(vec2 a, vec2 b) {
     return a.x >= b.x ? vec2(1.0, 0.0) : vec2(a.x * b.x + a.y * b.y, a.y * b.x - a.x * b.y);
 }
 
-// power * cos / (distance^2 + deviation^2 / 4), by the least angle between what a triangle may face and the way to the point.
-float light_importance(LightNodeRecord node, vec3 point) {
-    vec3 way = point - node.center;
+// power * cos * cos / (distance^2 + deviation^2 / 4), by the least angles between what a triangle may face and the way to the point, and
+// between the normal and the way to a triangle.
+float light_importance(LightNodeRecord node, Receiver receiver) {
+    vec3 way = receiver.point - node.center;
     float distance_squared = dot(way, way);
     float away = inversesqrt(max(distance_squared, 1e-30));
     float sin_sphere = node.radius * away;
+    vec2 sphere = with_sine(sqrt(max(0.0, 1.0 - sin_sphere * sin_sphere)));
     vec2 spread_deviation = unpackSnorm2x16(node.spread_deviation);
     vec2 axis = with_sine(clamp(dot(unpack_axis(node.axis), way) * away, -1.0, 1.0));
-    vec2 sphere = with_sine(sqrt(max(0.0, 1.0 - sin_sphere * sin_sphere)));
-    float cosine = less_angle(less_angle(axis, with_sine(spread_deviation.x)), sphere).x;
-    // Inside the sphere, a triangle may face the point from anywhere.
-    cosine = sin_sphere >= 1.0 ? 1.0 : max(cosine, 0.0);
+    float cosine = max(less_angle(less_angle(axis, with_sine(spread_deviation.x)), sphere).x, 0.0);
+    vec2 normal = with_sine(clamp(-dot(receiver.normal, way) * away, -1.0, 1.0));
+    cosine *= receiver.normal == vec3(0.0) ? 1.0 : max(less_angle(normal, sphere).x, 0.0);
+    // Inside the sphere, a triangle may be anywhere.
+    cosine = sin_sphere >= 1.0 ? 1.0 : cosine;
     float deviation = spread_deviation.y * node.radius;
     return node.power * cosine / max(distance_squared + 0.25 * deviation * deviation, 1e-30);
 }
@@ -61,14 +89,14 @@ struct PickedEmitter {
     float rest;          // what is left of u, in [0, 1)
 };
 
-PickedEmitter light_tree_pick(LightTree tree, vec3 point, float u) {
+PickedEmitter light_tree_pick(LightTree tree, Receiver receiver, float u) {
     LightNodeArray nodes = LightNodeArray(tree.nodes);
     uint child = 0u;
     float probability = 1.0;
     while ((child & LIGHT_LEAF) == 0u) {
         LightNodeRecord left = nodes.at[child];
         LightNodeRecord right = nodes.at[child + 1u];
-        vec2 importance = vec2(light_importance(left, point), light_importance(right, point));
+        vec2 importance = vec2(light_importance(left, receiver), light_importance(right, receiver));
         float sum = importance.x + importance.y;
         bool any = sum > 0.0;
         float of_left = any ? importance.x / sum : 0.0;
@@ -98,13 +126,13 @@ uint light_tree_leaf(LightTree tree, uint instance, uint triangle) {
 }
 
 // The probability with which `light_tree_pick` finds a leaf's node.
-float light_tree_probability(LightTree tree, vec3 point, uint node) {
+float light_tree_probability(LightTree tree, Receiver receiver, uint node) {
     LightNodeArray nodes = LightNodeArray(tree.nodes);
     WordArray parents = WordArray(tree.parents);
     float probability = 1.0;
     while (probability > 0.0) {
-        float importance = light_importance(nodes.at[node], point);
-        float both = importance + light_importance(nodes.at[node ^ 1u], point);
+        float importance = light_importance(nodes.at[node], receiver);
+        float both = importance + light_importance(nodes.at[node ^ 1u], receiver);
         probability *= both > 0.0 ? importance / both : 0.0;
         if (node < 2u) {
             break;

@@ -16,8 +16,8 @@
 // Bounces that always survive.
 layout(constant_id = 27) const uint ROULETTE_AFTER = 3u;
 
-// Radiance that the surface itself sends along wo to a point, weighted against the light sample that could have found it from there.
-vec3 emitted(Lights lights, Surface surface, Hit hit, MaterialRecord material, vec3 wo, vec3 point, float bsdf_pdf) {
+// Radiance that the surface itself sends along wo to a receiver, weighted against the light sample that could have found it from there.
+vec3 emitted(Lights lights, Surface surface, Hit hit, MaterialRecord material, vec3 wo, Receiver receiver, float bsdf_pdf) {
     float cosine = dot(wo, surface.front);
     bool both_sides = (material.flags & MATERIAL_EMITS_BOTH_SIDES) != 0u;
     if ((material.flags & MATERIAL_EMITS) == 0u || (cosine <= 0.0 && !both_sides)) {
@@ -33,7 +33,7 @@ vec3 emitted(Lights lights, Surface surface, Hit hit, MaterialRecord material, v
     }
     float density;
     if (HAS_LIGHT_TREE) {
-        density = emitter_density(lights, hit, point);
+        density = emitter_density(lights, hit, receiver);
     } else {
         vec3 mean = material.emission;
         if (by_texture) {
@@ -59,8 +59,9 @@ struct Lit {
     bool counts;
 };
 
-Lit light_sample(Lights lights, Surface surface, SampleKey key, uint dimension) {
-    LightSample light = sample_light(scene, lights, surface.position, sample_bits(key, dimension + DIMENSION_LIGHT));
+Lit light_sample(Lights lights, Surface surface, uint packed_normal, SampleKey key, uint dimension) {
+    Receiver receiver = receiver_at(surface.position, packed_normal);
+    LightSample light = sample_light(scene, lights, receiver, sample_bits(key, dimension + DIMENSION_LIGHT));
     vec3 wi = normalize(light.to_light);
     vec3 local_wi = frame_to_local(surface.frame, wi);
     return Lit(light, wi, local_wi, light.pdf > 0.0 && frame_is_consistent(surface.frame, wi, local_wi));
@@ -102,6 +103,7 @@ void pass_shade() {
     uint slot = queue_slot(queue, min(gl_GlobalInvocationID.x, length - 1u));
     Lights lights = lights_of(scene);
     vec4 origin = pool.origin.at[slot];
+    Receiver left = receiver_at(origin.xyz, HAS_LIGHT_TREE ? UVec4Array(uvec2(pool.radiance)).at[slot].w : NO_NORMAL);
     vec4 direction_spread = pool.direction.at[slot];
     vec3 direction = direction_spread.xyz;
     vec4 throughput_width = pool.throughput.at[slot];
@@ -111,7 +113,7 @@ void pass_shade() {
     Surface surface = surface_at(scene, hit, origin.xyz, direction, FAMILY != FAMILY_DIELECTRIC);
     MaterialRecord material = scene.materials.at[surface.material];
     if (HAS_EMITTERS) {
-        vec3 emission = emitted(lights, surface, hit, material, -direction, origin.xyz, origin.w);
+        vec3 emission = emitted(lights, surface, hit, material, -direction, left, origin.w);
         if (has_path && emission != vec3(0.0)) {
             pool.radiance.at[slot].rgb += clamp_indirect(throughput * emission, bounce + 1u);
         }
@@ -122,6 +124,7 @@ void pass_shade() {
     SampleKey key = SampleKey(hit_key.z, hit_key.w);
     uint dimension = bounce * DIMENSIONS_PER_BOUNCE;
     vec3 wo = frame_to_local(surface.frame, -direction);
+    uint packed_normal = HAS_LIGHT_TREE ? pack_normal(surface.frame.normal, BOTH_SIDES) : NO_NORMAL;
     material.alpha = material_alpha(scene, material, surface.uv);
     Bsdf bsdf = bsdf_make(material, material_color(scene, material, surface.uv));
     Cone cone = Cone(0.0, 0.0);
@@ -141,7 +144,7 @@ void pass_shade() {
     lit.local_wi = vec3(0.0);
     lit.counts = false;
     if (SAMPLES_LIGHTS) {
-        lit = light_sample(lights, surface, key, dimension);
+        lit = light_sample(lights, surface, packed_normal, key, dimension);
     }
     vec4 picked = takes_hemisphere ? strategy_pick(u, BOTH_SIDES) : bsdf_pick(bsdf, wo, u);
     vec4 value;
@@ -154,7 +157,7 @@ void pass_shade() {
     BsdfSample next = bsdf_picked(picked, f_picked);
 #else
     if (SAMPLES_LIGHTS && !bsdf_is_delta(bsdf)) {
-        Lit lit = light_sample(lights, surface, key, dimension);
+        Lit lit = light_sample(lights, surface, packed_normal, key, dimension);
         if (lit.counts) {
             vec4 value = bsdf_eval_pdf(bsdf, wo, lit.local_wi);
             value.a = takes_hemisphere ? strategy_pdf(lit.local_wi, BOTH_SIDES) : value.a;
@@ -183,6 +186,9 @@ void pass_shade() {
         Cone next_cone = HAS_FOOTPRINTS ? cone_scattered(cone, next.pdf, next.is_delta) : cone;
         pool.direction.at[slot] = vec4(wi, next_cone.spread);
         pool.throughput.at[slot] = vec4(throughput / survival, next_cone.width);
+        if (HAS_LIGHT_TREE) {
+            UVec4Array(uvec2(pool.radiance)).at[slot].w = packed_normal;
+        }
     }
     queue_push(bounce + 1u, goes_on ? QUEUE_TRACE : NOWHERE, 1u << QUEUE_TRACE, slot);
 }

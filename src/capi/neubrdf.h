@@ -211,7 +211,7 @@ typedef enum NeubrdfReserve {
    */
   NEUBRDF_RESERVE_PATCHES = 4194304,
   /**
-   * Many emissive triangles, of which a tree picks the samples. Without it they are picked by power however many there come to be.
+   * More emissive triangles than two, of which a tree picks the samples. Without it they are picked by power however many there come to be.
    */
   NEUBRDF_RESERVE_LIGHT_TREE = 8388608,
 } NeubrdfReserve;

@@ -89,7 +89,7 @@ pub enum NeubrdfReserve {
     EmissionMaps = 2097152,
     /// Materials with patches of another one.
     Patches = 4194304,
-    /// Many emissive triangles, of which a tree picks the samples. Without it they are picked by power however many there come to be.
+    /// More emissive triangles than two, of which a tree picks the samples. Without it they are picked by power however many there come to be.
     LightTree = 8388608,
 }
 

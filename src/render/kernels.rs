@@ -58,8 +58,8 @@ macro_rules! features {
 features! {
     /// Some triangle emits.
     emitters: 2, "emissive triangles";
-    /// A tree picks one of the emissive triangles, of which there are many.
-    light_tree: 36, "a tree over many emissive triangles";
+    /// A tree picks one of the emissive triangles, of which there are more than a few.
+    light_tree: 36, "a tree over emissive triangles";
     /// There is a sky.
     environment: 3, "a sky";
     /// The sky is worth light samples: some of it is much brighter than the rest.

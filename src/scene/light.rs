@@ -8,7 +8,7 @@
 //!
 //! - a point on an emissive triangle, per unit area:
 //!   [`emitter_density`](LightTable::emitter_density)` · Y(emission) · sides`, the emission that of [`Scene::mean_emission`];
-//!   of many, one is picked by what it sends to the point where the sample is taken ([`LightTree`]), with a probability of
+//!   of more than two, one is picked by what it sends to the point where the sample is taken ([`LightTree`]), with a probability of
 //!   [`emitter_share`](LightTable::emitter_share)` · `[`LightTree::probability`];
 //! - a direction to the environment, per unit solid angle:
 //!   [`environment_density`](LightTable::environment_density)` · max(0, Y(radiance) − `[`environment_floor`](LightTable::environment_floor)`)`;
@@ -33,8 +33,8 @@ const FAINTEST: f64 = 1e-36;
 /// A sky that is nowhere brighter than this many times its mean is even: sampling it costs more than it gains (docs/design.md).
 const EVEN: f32 = 3.0;
 
-/// So many emissive triangles or more are picked by a tree: for fewer it costs more than it gains (docs/design.md).
-const MANY: usize = 16;
+/// So many emissive triangles, the two of one lamp, are picked by power, more of them by a tree (docs/design.md).
+const FEW: usize = 2;
 
 /// A lat-long environment: radiance constant over each texel, so that sampling it by texel is exact.
 ///
@@ -66,7 +66,7 @@ pub struct Sun {
 pub struct LightTable {
     /// (instance, triangle) of each emissive triangle, in ascending order; these are the table's first entries, or all together its first if there is a tree.
     pub triangles: Vec<[u32; 2]>,
-    /// What picks one of these triangles where they are many.
+    /// What picks one of these triangles where they are more than a few.
     pub tree: Option<LightTree>,
     /// Number of environment texels in the table; they come next, and are none if the sky is even. The sun is last, if there is one.
     pub environment_texels: u32,
@@ -236,9 +236,9 @@ fn turn_about_y(v: DVec3, radians: f64) -> DVec3 {
 }
 
 impl LightTable {
-    /// The table of a scene, in time linear in its triangles and texels; with a tree if enough triangles emit for it to be worth it.
+    /// The table of a scene, in time linear in its triangles and texels; with a tree if more than two triangles emit.
     pub fn new(scene: &Scene) -> LightTable {
-        LightTable::with_tree(scene, |emitters| emitters >= MANY)
+        LightTable::with_tree(scene, |emitters| emitters > FEW)
     }
 
     /// The same, with a tree if the number of emissive triangles is said to be worth it.
@@ -428,7 +428,7 @@ mod tests {
     #[test]
     fn kinds_share_the_samples_and_entries_are_picked_by_their_power() {
         let scene = scene_with_all_lights();
-        let table = LightTable::new(&scene);
+        let table = LightTable::with_tree(&scene, |_| false);
         assert_eq!(table.triangles, [[0, 0], [0, 2], [1, 0], [1, 2]]);
         assert_eq!(table.environment_texels, 12);
         assert_eq!(table.len(), 4 + 12 + 1);
@@ -517,7 +517,7 @@ mod tests {
             scene.environment = Some(rows(radiances));
             let table = LightTable::new(&scene);
             assert_eq!(table.environment_texels, texels, "{radiances:?}");
-            assert_eq!(table.len() as u32, 4 + texels + 1);
+            assert_eq!(table.len() as u32, 1 + texels + 1);
             assert_close(table.sun_probability, if texels == 0 { 1.0 / 2.0 } else { 1.0 / 3.0 });
         }
     }

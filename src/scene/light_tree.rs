@@ -1,16 +1,13 @@
 //! A tree over the emissive triangles of a scene, by which a light sample finds one that matters where it is taken.
 //!
 //! Each node knows a sphere around its triangles, a cone around the directions they face, and their power; from these follows about how much light
-//! they send to a point ([`LightNode::importance`]). A sample goes down from the root, at each pair of nodes to one of them
+//! they send to a place ([`LightNode::importance`]). A sample goes down from the root, at each pair of nodes to one of them
 //! with a probability proportional to its importance (Conty Estevez and Kulla, *Importance Sampling of Many Lights with Adaptive Tree Splitting*,
 //! HPG 2018, without the splitting). A path that hits a triangle goes up from its leaf and finds the same probability.
 
 use glam::Vec3;
 
 use super::light::EmissiveTriangle;
-
-/// Set in [`LightNode::child`] of leaves.
-pub const LEAF: u32 = 1 << 31;
 
 /// Intervals along each axis between which a node may be split.
 const BINS: usize = 12;
@@ -33,8 +30,17 @@ pub struct LightNode {
     pub cos_spread: f32,
     /// Of all triangles together, as a part of the tree's.
     pub power: f32,
-    /// The first of two nodes that stand side by side; with [`LEAF`] the index of a triangle.
+    /// The first of two nodes that stand side by side; with [`LightNode::LEAF`] the index of a triangle.
     pub child: u32,
+}
+
+/// Where light may arrive.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Receiver {
+    /// World space.
+    pub point: Vec3,
+    /// Unit, of the side that light counts on; none if it counts on both.
+    pub normal: Option<Vec3>,
 }
 
 /// The tree.
@@ -49,19 +55,25 @@ pub struct LightTree {
 }
 
 impl LightNode {
-    /// About how much light arrives at a point, if nothing is in between: Φ · cos θ / (d² + σ²/4), θ the least angle between what a triangle may face
-    /// and the way to the point, σ the [`deviation`](LightNode::deviation), which keeps it finite. `light_importance` of glsl/lib/light_tree.glsl.
-    pub fn importance(&self, point: Vec3) -> f32 {
-        let way = point - self.center;
+    /// Set in [`LightNode::child`] of leaves.
+    pub const LEAF: u32 = 1 << 31;
+
+    /// About how much light a receiver gets, if nothing is in between: Φ · cos θ · cos θ′ / (d² + σ²/4), θ the least angle between what a triangle may face
+    /// and the way to the point, θ′ that between the normal and the way to a triangle, σ the [`deviation`](LightNode::deviation), which
+    /// keeps it finite. `light_importance` of glsl/lib/light_tree.glsl.
+    pub fn importance(&self, receiver: Receiver) -> f32 {
+        let way = receiver.point - self.center;
         let distance_squared = way.length_squared();
         let radius_squared = self.radius * self.radius;
         let mut cosine = 1.0;
         if distance_squared > radius_squared {
-            // The angle between the axis and the way, less the cone's, less the one that the sphere is seen under.
             let sphere = with_sine((1.0 - radius_squared / distance_squared).sqrt());
-            let axis = with_sine((self.axis.dot(way) / distance_squared.sqrt()).clamp(-1.0, 1.0));
-            let [least, _] = less_angle(less_angle(axis, with_sine(self.cos_spread)), sphere);
-            cosine = least.max(0.0);
+            let angle_to = |v: Vec3| with_sine((v.dot(way) / distance_squared.sqrt()).clamp(-1.0, 1.0));
+            let [facing, _] = less_angle(less_angle(angle_to(self.axis), with_sine(self.cos_spread)), sphere);
+            cosine = facing.max(0.0);
+            if let Some(normal) = receiver.normal {
+                cosine *= less_angle(angle_to(-normal), sphere)[0].max(0.0);
+            }
         }
         self.power * cosine / (distance_squared + NEAR * self.deviation * self.deviation).max(1e-30)
     }
@@ -98,7 +110,7 @@ impl LightTree {
             axis: Vec3::Y,
             cos_spread: 1.0,
             power: 0.0,
-            child: LEAF,
+            child: LightNode::LEAF,
         };
         let mut tree = LightTree { nodes: vec![dark; 2], parents: vec![0], leaves: vec![0; lamps.len()] };
         match &mut lamps[..] {
@@ -130,7 +142,7 @@ impl LightTree {
         }
         let deviation = if whole.power > 0.0 { (spread / whole.power).min(farthest).sqrt() } else { 0.0 };
         let (radius, power) = (farthest.sqrt(), whole.power);
-        let child = if let [lamp] = lamps { lamp.index | LEAF } else { self.nodes.len() as u32 };
+        let child = if let [lamp] = lamps { lamp.index | LightNode::LEAF } else { self.nodes.len() as u32 };
         self.nodes[node] = LightNode { center, radius, deviation, axis, cos_spread, power, child };
         if let [lamp] = lamps {
             self.leaves[lamp.index as usize] = node as u32;
@@ -141,13 +153,13 @@ impl LightTree {
         }
     }
 
-    /// The triangle that u in [0, 1) picks at a point, and its probability; `None` where none sends light, and now and then where the way
+    /// The triangle that u in [0, 1) picks for a receiver, and its probability; `None` where none sends light, and now and then where the way
     /// down ends at triangles that face away.
-    pub fn pick(&self, point: Vec3, mut u: f32) -> Option<(u32, f32)> {
+    pub fn pick(&self, receiver: Receiver, mut u: f32) -> Option<(u32, f32)> {
         let mut first = 0;
         let mut probability = 1.0;
         loop {
-            let [left, right] = [first, first + 1].map(|node| self.nodes[node].importance(point));
+            let [left, right] = [first, first + 1].map(|node| self.nodes[node].importance(receiver));
             let sum = left + right;
             if sum <= 0.0 {
                 return None;
@@ -158,20 +170,20 @@ impl LightTree {
             u = ((if goes_left { u } else { u - of_left }) / taken).min(1.0 - f32::EPSILON / 2.0);
             probability *= taken;
             let child = self.nodes[first + usize::from(!goes_left)].child;
-            if child & LEAF != 0 {
-                return Some((child & !LEAF, probability));
+            if child & LightNode::LEAF != 0 {
+                return Some((child & !LightNode::LEAF, probability));
             }
             first = child as usize;
         }
     }
 
-    /// With which [`LightTree::pick`] picks a triangle at a point.
-    pub fn probability(&self, point: Vec3, triangle: u32) -> f32 {
+    /// With which [`LightTree::pick`] picks a triangle for a receiver.
+    pub fn probability(&self, receiver: Receiver, triangle: u32) -> f32 {
         let mut node = self.leaves[triangle as usize] as usize;
         let mut probability = 1.0;
         loop {
-            let importance = self.nodes[node].importance(point);
-            let both = importance + self.nodes[node ^ 1].importance(point);
+            let importance = self.nodes[node].importance(receiver);
+            let both = importance + self.nodes[node ^ 1].importance(receiver);
             probability *= if both > 0.0 { importance / both } else { 0.0 };
             if node < 2 {
                 return probability;
@@ -318,9 +330,18 @@ mod tests {
         ((0..count).map(triangle).collect(), (0..count).map(|index| 10f64.powi(index as i32 % 7 - 3)).collect())
     }
 
-    fn points() -> impl Iterator<Item = Vec3> {
+    /// Among these lamps and around them, every second one without a normal.
+    fn receivers() -> impl Iterator<Item = Receiver> {
         let mut next = numbers();
-        (0..200).map(move |_| (Vec3::new(next(), next(), next()) - 0.25) * Vec3::new(20.0, 4.0, 20.0))
+        let mut place = move || Vec3::new(next(), next(), next());
+        (0..200).map(move |index| Receiver {
+            point: (place() - 0.25) * Vec3::new(20.0, 4.0, 20.0),
+            normal: (index % 2 == 0).then_some((place() - 0.5).normalize()),
+        })
+    }
+
+    fn both_sides(point: Vec3) -> Receiver {
+        Receiver { point, normal: None }
     }
 
     #[test]
@@ -329,13 +350,15 @@ mod tests {
         for count in [1, 2, 3, 100] {
             let (emitters, powers) = lamps(count, &materials);
             let tree = LightTree::new(&emitters, &powers);
-            for point in points() {
-                let probabilities: Vec<f32> = (0..count as u32).map(|i| tree.probability(point, i)).collect();
+            let mut found = 0.0;
+            for receiver in receivers() {
+                let probabilities: Vec<f32> = (0..count as u32).map(|i| tree.probability(receiver, i)).collect();
                 let sum: f32 = probabilities.iter().sum();
-                assert!(sum < 1.0 + 1e-5 && (sum > 0.5 || count < 4), "{count} at {point}: {sum}");
+                assert!(sum < 1.0 + 1e-5, "{count} at {receiver:?}: {sum}");
+                found += sum / 200.0;
                 let mut counts = vec![0u32; count];
                 for u in (0..2000).map(|i| (i as f32 + 0.5) / 2000.0) {
-                    if let Some((picked, probability)) = tree.pick(point, u) {
+                    if let Some((picked, probability)) = tree.pick(receiver, u) {
                         counts[picked as usize] += 1;
                         let expected = probabilities[picked as usize];
                         assert!((probability - expected).abs() <= 1e-5 * expected, "{probability}, not {expected}");
@@ -345,6 +368,8 @@ mod tests {
                     assert!((*count as f32 / 2000.0 - probability).abs() < 1.5e-3, "{count}, not {probability}");
                 }
             }
+            // Few ways down end where all face away.
+            assert!(found > 0.8 || count < 4, "{found} of {count}");
         }
     }
 
@@ -354,11 +379,13 @@ mod tests {
         let materials = [material(false), material(true)];
         let (emitters, powers) = lamps(300, &materials);
         let tree = LightTree::new(&emitters, &powers);
-        for point in points() {
+        for receiver in receivers() {
             for (index, emitter) in emitters.iter().enumerate() {
-                let facing = emitter.normal().dot((point - emitter.corners[0]).normalize());
-                if facing > 1e-3 || emitter.material.emits_both_sides {
-                    assert!(tree.probability(point, index as u32) > 0.0, "{index} at {point}, {facing}");
+                let way = (receiver.point - emitter.corners[0]).normalize();
+                let faces = emitter.normal().dot(way) > 1e-3 || emitter.material.emits_both_sides;
+                let is_faced = receiver.normal.is_none_or(|normal| normal.dot(way) < -1e-3);
+                if faces && is_faced {
+                    assert!(tree.probability(receiver, index as u32) > 0.0, "{index} at {receiver:?}");
                 }
             }
         }
@@ -374,9 +401,10 @@ mod tests {
         let emitters: Vec<_> = (0..64).map(|i| lamp(i as f32 * 4.0)).collect();
         let tree = LightTree::new(&emitters, &[1.0; 64]);
         for (index, under) in (0..64u32).map(|i| (i, Vec3::new(i as f32 * 4.0, 0.0, 0.0))) {
-            let [here, next] = [index, index ^ 1].map(|i| tree.probability(under, i));
+            let [here, next] = [index, index ^ 1].map(|i| tree.probability(both_sides(under), i));
             assert!(here > 0.4, "{index}: {here}");
-            let far: f32 = (0..64u32).filter(|i| i.abs_diff(index) > 8).map(|i| tree.probability(under, i)).sum();
+            let far: f32 =
+                (0..64u32).filter(|i| i.abs_diff(index) > 8).map(|i| tree.probability(both_sides(under), i)).sum();
             assert!(next < 0.25 && far < 0.1, "{index}: {next} beside it, {far} far away");
         }
     }
@@ -406,10 +434,11 @@ mod tests {
             let shine = powers.iter().any(|power| *power > 0.0);
             let places = [Vec3::ZERO, Vec3::ONE, Vec3::splat(1e8), Vec3::new(0.3, 0.3, 2.0), Vec3::Z * 1e-30];
             for point in places.into_iter().chain(emitters.iter().take(9).map(|emitter| emitter.corners[1])) {
-                let sum: f32 = (0..emitters.len() as u32).map(|i| tree.probability(point, i)).sum();
+                let receiver = both_sides(point);
+                let sum: f32 = (0..emitters.len() as u32).map(|i| tree.probability(receiver, i)).sum();
                 assert!((0.0..1.0 + 1e-4).contains(&sum), "{} lamps at {point}: {sum}", emitters.len());
                 for u in [0.0, 0.5, 1.0 - f32::EPSILON / 2.0] {
-                    let picked = tree.pick(point, u);
+                    let picked = tree.pick(receiver, u);
                     let fine = picked.is_none_or(|(i, p)| p > 0.0 && p <= 1.0 && powers[i as usize] > 0.0);
                     assert!(fine, "{} lamps at {point}: {picked:?}", emitters.len());
                 }

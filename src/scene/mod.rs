@@ -41,7 +41,7 @@ pub use check::Flaw;
 pub use error::{Error, Place, Warning};
 pub use layered::{LayerBase, Layered};
 pub use light::{EmissiveTriangle, Environment, LightTable, Sun, luminance};
-pub use light_tree::{LightNode, LightTree};
+pub use light_tree::{LightNode, LightTree, Receiver};
 pub use material::{Color, Fresnel, Material, Opacity, Patches, Surface};
 pub use mesh::{Bounds, Instance, Mesh};
 pub use surface_maps::SurfaceMaps;

@@ -12,8 +12,8 @@ use std::path::{Path, PathBuf};
 use glam::{Affine3A, Mat3, Vec2, Vec3};
 use half::f16;
 use neubrdf::scene::{
-    Camera, Color, Environment, Error, Film, Fresnel, Lens, LightTable, Material, Mesh, Opacity, Patches, Scene,
-    Surface, TexturePlacement, Warning,
+    Camera, Color, Environment, Error, Film, Fresnel, Lens, LightTable, Material, Mesh, Opacity, Patches, Receiver,
+    Scene, Surface, TexturePlacement, Warning,
 };
 
 /// A folder of input files that goes away with the value.

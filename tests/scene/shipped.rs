@@ -153,7 +153,7 @@ fn a_building_has_many_lamps() {
     let eye = scene.camera.eye;
     let near: f32 = (0..lights.triangles.len())
         .filter(|index| scene.emissive_triangle(lights.triangles[*index]).corners[0].distance(eye) < 4.0)
-        .map(|index| tree.probability(eye, index as u32))
+        .map(|index| tree.probability(Receiver { point: eye, normal: None }, index as u32))
         .sum();
     // By power it would be a tenth, as of the area.
     assert!(near > 0.4, "{near} for what is within 4 m");
