@@ -12,7 +12,7 @@ use crate::scene::brdf::Precision;
 pub enum Engine {
     /// The wavefront on a Vulkan device, by a part of the device's or driver's name, its number, or `auto`.
     Vulkan(String),
-    /// [`crate::reference`].
+    /// `crate::reference`.
     Embree,
     /// Mitsuba 3, by its own path tracer.
     Mitsuba,
