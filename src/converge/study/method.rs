@@ -118,35 +118,29 @@ impl Axes {
         })?;
         let models = choices("model", &self.model, "truth", |word| Ok((word != "truth").then(|| word.to_owned())))?;
 
+        let mut product = vec![Method {
+            engine: Engine::Embree,
+            traversal: None,
+            sampler: None,
+            light_sampling: true,
+            bsdf_sampling: BsdfSampling::Lobe,
+            precision: None,
+            pool: None,
+            model: None,
+        }];
+        multiply(&mut product, models, |method, model| method.model = model);
+        multiply(&mut product, devices, |method, engine| method.engine = engine);
+        multiply(&mut product, traversals, |method, traversal| method.traversal = traversal);
+        multiply(&mut product, samplers, |method, sampler| method.sampler = Some(sampler));
+        multiply(&mut product, light, |method, light_sampling| method.light_sampling = light_sampling);
+        multiply(&mut product, bsdf, |method, bsdf_sampling| method.bsdf_sampling = bsdf_sampling);
+        multiply(&mut product, precisions, |method, precision| method.precision = precision);
+        multiply(&mut product, pools, |method, pool| method.pool = pool);
+
         let mut methods: Vec<Method> = vec![];
-        for model in &models {
-            for engine in &devices {
-                for traversal in &traversals {
-                    for sampler in &samplers {
-                        for light_sampling in &light {
-                            for bsdf_sampling in &bsdf {
-                                for precision in &precisions {
-                                    for pool in &pools {
-                                        let method = Method {
-                                            engine: engine.clone(),
-                                            traversal: *traversal,
-                                            sampler: Some(*sampler),
-                                            light_sampling: *light_sampling,
-                                            bsdf_sampling: *bsdf_sampling,
-                                            precision: *precision,
-                                            pool: *pool,
-                                            model: model.clone(),
-                                        }
-                                        .without_idle_choices();
-                                        if !methods.contains(&method) {
-                                            methods.push(method);
-                                        }
-                                    }
-                                }
-                            }
-                        }
-                    }
-                }
+        for method in product.into_iter().map(Method::without_idle_choices) {
+            if !methods.contains(&method) {
+                methods.push(method);
             }
         }
         Ok(methods)
@@ -164,6 +158,16 @@ fn choices<T>(
         true => Ok(vec![parse(default)?]),
         false => words.iter().map(|word| parse(word)).collect(),
     }
+}
+
+/// Each method with each value of an axis.
+fn multiply<T: Clone>(methods: &mut Vec<Method>, values: Vec<T>, set: impl Fn(&mut Method, T)) {
+    let with = |method: &Method, value: &T| {
+        let mut method = method.clone();
+        set(&mut method, value.clone());
+        method
+    };
+    *methods = methods.iter().flat_map(|method| values.iter().map(|value| with(method, value))).collect();
 }
 
 fn parse<T, E: fmt::Display>(result: Result<T, E>) -> Result<T, String> {
