@@ -14,7 +14,7 @@ use clap::Parser;
 use neubrdf::scene::brdf::{Nbrdf, NeuBrdf, Precision};
 use neubrdf::train::{Evaluator, Model, Plan, Quality, Recipe};
 use serde::{Deserialize, Serialize};
-use study::{Cost, Errors, Truth, all, bar, errors, kept, key, train};
+use study::{Cost, Errors, Trained, Truth, all, bar, errors, kept, key, train};
 
 /// Fit materials and print how good the fits are.
 #[derive(Parser)]
@@ -105,9 +105,9 @@ fn outcome(arguments: &Arguments, truth: &Truth, model: Model, recipe: Recipe) -
         return Ok(None);
     }
     let find_out = || -> Result<Outcome> {
-        let (session, cost) = train(truth, plan)?;
+        let Trained { session, brdf, cost } = train(truth, plan)?;
         // What is measured is what the file says, rounded numbers and all.
-        let (bytes, evaluator) = match session.neubrdf() {
+        let (bytes, evaluator) = match brdf {
             Some(brdf) => {
                 let file = brdf.encode(Precision::F16)?;
                 (file.len(), Evaluator::neubrdf(&NeuBrdf::decode(&file)?))

@@ -21,7 +21,7 @@ use neubrdf::image::atomic_write;
 use neubrdf::scene::brdf::{CornerWeights, NeuBrdf, Precision};
 use neubrdf::train::{Evaluator, Model, Plan, Quality, Recipe};
 use serde::{Deserialize, Serialize};
-use study::{Errors, Truth, bar, errors, kept, key, ours, published, train};
+use study::{Errors, Trained, Truth, bar, errors, kept, key, ours, published, train};
 
 /// Fit models of several sizes and print which are worth their time.
 #[derive(Parser)]
@@ -273,8 +273,8 @@ fn outcome(arguments: &Arguments, truth: &Truth, sizes: Sizes) -> Result<Option<
         return Ok(None);
     }
     let find_out = || -> Result<Outcome> {
-        let (session, _) = train(truth, sizes.plan(arguments.quality, truth.is_isotropic))?;
-        let Some(brdf) = session.neubrdf() else { bail!("{}: trained to something else", truth.name) };
+        let Trained { brdf, .. } = train(truth, sizes.plan(arguments.quality, truth.is_isotropic))?;
+        let Some(brdf) = brdf else { bail!("{}: trained to something else", truth.name) };
         let mut files = Vec::new();
         for precision in PRECISIONS {
             files.push(brdf.encode(precision)?);

@@ -8,6 +8,7 @@ use glam::DVec3;
 use indicatif::{ProgressBar, ProgressStyle};
 use neubrdf::converge::{Stopwatch, Timing};
 use neubrdf::image::atomic_write;
+use neubrdf::scene::brdf::NeuBrdf;
 use neubrdf::train::measure::{Eval, FitErrors, compare};
 use neubrdf::train::{Evaluator, GroundTruth, Plan, Session};
 use serde::de::DeserializeOwned;
@@ -42,16 +43,31 @@ pub struct Errors {
     pub albedo: f64,
 }
 
-/// Trains to the end. Drawing the pairs is no part of the cost.
-pub fn train(truth: &Truth, plan: Plan) -> Result<(Session, Cost)> {
+/// A training at its end.
+pub struct Trained {
+    pub session: Session,
+    /// `None` of an NBRDF.
+    pub brdf: Option<NeuBrdf>,
+    pub cost: Cost,
+}
+
+/// Trains to the end. What asking the ground truth takes is no part of the cost.
+pub fn train(truth: &Truth, plan: Plan) -> Result<Trained> {
     let pairs = truth.pairs(plan.pairs, plan.seed);
-    let mut session = Session::new(plan, &GroundTruth::Samples { pairs, is_isotropic: truth.is_isotropic })?;
-    let watch = Stopwatch::own();
+    let is_isotropic = truth.is_isotropic;
+    let mut session = Session::new(plan, &GroundTruth::Samples { pairs, is_isotropic })?;
+    let training = Stopwatch::own();
     while !session.is_done() {
         session.step();
     }
-    let Timing { seconds, cpu_seconds, .. } = watch.stop();
-    Ok((session, Cost { seconds, cpu_seconds }))
+    let training = training.stop();
+    let views = session.views(&GroundTruth::Function { eval: &|wo, wi| truth.eval(wo, wi), is_isotropic }, |_, _| ());
+    let finishing = Stopwatch::own();
+    let brdf = session.finished(views.as_ref(), || ());
+    let finishing = finishing.stop();
+    let sum = |of: fn(&Timing) -> f64| of(&training) + of(&finishing);
+    let cost = Cost { seconds: sum(|timing| timing.seconds), cpu_seconds: sum(|timing| timing.cpu_seconds) };
+    Ok(Trained { session, brdf, cost })
 }
 
 /// Measures a fit.

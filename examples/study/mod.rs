@@ -5,5 +5,5 @@
 mod fit;
 mod truths;
 
-pub use fit::{Cost, Errors, bar, errors, errors_of, kept, key, train};
+pub use fit::{Cost, Errors, Trained, bar, errors, errors_of, kept, key, train};
 pub use truths::{Truth, all, ours, published};

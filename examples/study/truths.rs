@@ -45,7 +45,6 @@ impl Truth {
     }
 
     /// What training sees, at one pair.
-    #[allow(dead_code)] // a study need not ask
     pub fn eval(&self, wo: DVec3, wi: DVec3) -> DVec3 {
         (self.learned)(wo, wi)
     }

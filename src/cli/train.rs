@@ -15,7 +15,7 @@ use rayon::prelude::*;
 
 use super::brdf_input::{BrdfInput, Drawing};
 use super::job::check_writable;
-use super::train_loop::train;
+use super::train_loop::{finish, train};
 use super::{progress, train_group};
 
 /// Learn a BRDF.
@@ -158,7 +158,8 @@ pub fn run(arguments: Arguments) -> Result<ExitCode> {
         let truth = |queries: &[Query]| queries.par_iter().map(at).collect();
         compare_at(size, is_isotropic, &|queries| evaluator.eval_at(queries), &truth)
     };
-    let (bytes, evaluator, comparison) = match session.neubrdf() {
+    let finished = |session: &Session| finish(session, &input.ground_truth(&eval), arguments.quiet);
+    let (bytes, evaluator, comparison) = match finished(&session) {
         Some(mut brdf) => {
             // What is measured is what the file says, rounded numbers and all.
             let evaluator = Evaluator::neubrdf(&NeuBrdf::decode(&brdf.encode(precision)?)?);
@@ -182,7 +183,7 @@ pub fn run(arguments: Arguments) -> Result<ExitCode> {
             let plan = recipe_plan(&arguments, &input, *recipe, input.brdf.is_isotropic_in_frames());
             let mut session = Session::new(plan, &input.ground_truth(&eval))?;
             let seconds = train(&mut session, None, &interrupted, arguments.quiet)?;
-            let file = session.neubrdf().context("a recipe trains NeuBRDFs")?.encode(precision)?;
+            let file = finished(&session).context("a recipe trains NeuBRDFs")?.encode(precision)?;
             let errors = measure(&Evaluator::neubrdf(&NeuBrdf::decode(&file)?), BALL).errors;
             recipes.push(RecipeResult { recipe: *recipe, bytes: file.len(), seconds, errors });
         }

@@ -5,7 +5,8 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
 use anyhow::Result;
-use neubrdf::train::{Error, Group, Session};
+use neubrdf::scene::brdf::NeuBrdf;
+use neubrdf::train::{Error, GroundTruth, Group, Session};
 
 use super::progress;
 
@@ -127,4 +128,19 @@ pub fn train(
     }
     bar.finish();
     Ok(started.elapsed().as_secs_f64())
+}
+
+/// The trained NeuBRDF with the albedos of the ground truth, under bars; `None` if something else was trained.
+pub fn finish(session: &Session, truth: &GroundTruth, is_quiet: bool) -> Option<NeuBrdf> {
+    let bar = |length: u64, message: &'static str| progress::bar(length, is_quiet).with_message(message);
+    let asking = bar(1, "albedos of the ground truth");
+    let views = session.views(truth, |done, count| {
+        asking.set_length(count as u64);
+        asking.set_position(done as u64);
+    });
+    asking.finish_and_clear();
+    let closing = bar(u64::from(session.plan.albedo_rounds) + 1, "albedos of the fit");
+    let brdf = session.finished(views.as_ref(), || closing.inc(1));
+    closing.finish_and_clear();
+    brdf
 }

@@ -63,6 +63,11 @@ impl Evaluator {
         Evaluator { network, is_isotropic, features: None }
     }
 
+    /// The network.
+    pub(super) fn network(&self) -> &Network {
+        &self.network
+    }
+
     /// The BRDF in sr⁻¹, RGB, at each (ωo, ωi), which are above the surface; of a material that varies, its average.
     pub fn eval(&self, pairs: &[[DVec3; 2]]) -> Vec<DVec3> {
         self.values(pairs, |[wo, wi]| Query { footprint: Footprint::WHOLE, wo: *wo, wi: *wi })
@@ -104,7 +109,8 @@ impl Evaluator {
         }
     }
 
-    fn inputs(&self, &Query { footprint, wo, wi }: &Query, row: &mut [f32]) {
+    /// What the network sees of a query about the frame of its place.
+    pub(super) fn inputs(&self, &Query { footprint, wo, wi }: &Query, row: &mut [f32]) {
         match &self.features {
             None => row[..6].copy_from_slice(&half_difference(wo, wi, self.is_isotropic)),
             Some(Features { tables, texels, rows, corner_weights, .. }) => {

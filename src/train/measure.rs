@@ -182,11 +182,17 @@ pub fn directional_albedo(wo: DVec3, count: usize, eval: Eval) -> DVec3 {
 
 /// The same, averaged over places.
 fn average_albedo(wo: DVec3, count: usize, eval: EvalAt) -> DVec3 {
-    let mut queries = Vec::with_capacity(count);
-    let mut weights = Vec::with_capacity(count);
-    for i in 0..count {
+    let (lights, weights) = albedo_points(wo, count, 0.0);
+    let queries: Vec<Query> = (0..).zip(lights).map(|(index, wi)| Query { footprint: place(index), wo, wi }).collect();
+    eval(&queries).into_iter().zip(weights).map(|(value, weight)| value * weight).sum()
+}
+
+/// Directions of light that crowd where lobes are, up to `count`, and the solid angle times the cosine that each stands for. Another `shift`
+/// gives others.
+pub(super) fn albedo_points(wo: DVec3, count: usize, shift: f64) -> (Vec<DVec3>, Vec<f64>) {
+    let point = |i: usize| {
         // A Kronecker sequence of the plastic number and its kin (Roberts 2018).
-        let at = |step: f64| (0.5 + step * (i as f64 + 1.0)).fract();
+        let at = |step: f64| (0.5 + shift + step * (i as f64 + 1.0)).fract();
         let [u, v, choice] = [at(0.819_172_513_396_164_4), at(0.671_043_606_703_789_2), at(0.549_700_477_901_960_6)];
         let phi = TAU * v;
         let polar = |theta: f64| DVec3::new(theta.sin() * phi.cos(), theta.sin() * phi.sin(), theta.cos());
@@ -196,7 +202,7 @@ fn average_albedo(wo: DVec3, count: usize, eval: EvalAt) -> DVec3 {
             _ => mirrored(wo, polar(FRAC_PI_2 * u.powi(4))),
         };
         if wi.z <= 0.0 {
-            continue;
+            return None;
         }
         let half = (wo + wi).normalize();
         let theta = half.z.clamp(-1.0, 1.0).acos().max(1e-9);
@@ -205,10 +211,9 @@ fn average_albedo(wo: DVec3, count: usize, eval: EvalAt) -> DVec3 {
             by_theta / (TAU * theta.sin()) / (4.0 * wo.dot(half))
         };
         let density = 0.4 * wi.z / PI + 0.3 * crowded(2.0) + 0.3 * crowded(4.0);
-        queries.push(Query { footprint: place(i), wo, wi });
-        weights.push(wi.z / density / count as f64);
-    }
-    eval(&queries).into_iter().zip(weights).map(|(value, weight)| value * weight).sum()
+        Some((wi, wi.z / density / count as f64))
+    };
+    (0..count).filter_map(point).unzip()
 }
 
 fn mirrored(wo: DVec3, half: DVec3) -> DVec3 {

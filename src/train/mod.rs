@@ -5,6 +5,7 @@
 //! not the session was stopped and resumed in between.
 
 mod adam;
+mod albedo;
 pub mod ball;
 pub mod check;
 mod checkpoint;
@@ -32,6 +33,7 @@ mod vector;
 
 use std::path::PathBuf;
 
+pub use albedo::Views;
 pub use evaluator::Evaluator;
 pub use group::Group;
 pub use group_report::GroupReport;

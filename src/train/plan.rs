@@ -52,6 +52,9 @@ const GROUP_PAIRS: usize = 1 << 24;
 /// What an albedo above 1 counts in a training of measurements.
 const ENERGY: f32 = 1.0;
 
+/// Beyond these a fit pays more than albedos gain (docs/training.md).
+const ALBEDO_ROUNDS: u32 = 3;
+
 /// Codes of texels where there are more texels than an index can name.
 const MANY_CODES: usize = 4096;
 
@@ -109,6 +112,13 @@ pub struct Plan {
     /// What an albedo above 1 counts: the square of its logarithm times this, beside the mean loss of a pair. 0: it is not looked at.
     #[serde(default)]
     pub energy: f32,
+    /// Times that gaps between directional albedos and the ground truth's are closed in the end; 0: they are left.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub albedo_rounds: u32,
+}
+
+fn is_zero(number: &u32) -> bool {
+    *number == 0
 }
 
 impl Plan {
@@ -139,6 +149,10 @@ impl Plan {
             network_rate: 1e-2,
             table_rate: 3e-2,
             energy: 0.0,
+            albedo_rounds: match (model, recipe) {
+                (Model::NeuBrdf, Recipe::Default | Recipe::Unquantised) => ALBEDO_ROUNDS,
+                _ => 0,
+            },
         };
         let papers_sizes = Plan { n_side: [64; 2], features: 16, corner_weights: CornerWeights::Uniform, ..plan };
         match recipe {
@@ -167,7 +181,8 @@ impl Plan {
             _ if points > MOST_CODES => MANY_CODES,
             _ => MOST_CODES,
         };
-        Plan { surface: Some(SurfacePlan { texels, features: SURFACE_FEATURES, codes }), ..self }
+        let surface = SurfacePlan { texels, features: SURFACE_FEATURES, codes };
+        Plan { surface: Some(surface), albedo_rounds: 0, ..self }
     }
 
     /// Numbers that go into the network.
@@ -193,7 +208,13 @@ impl Plan {
     pub fn for_samples(self, count: usize) -> Plan {
         let n_side = (0..=4).map(|power| 1 << power).take_while(|n| 96 * n * n <= count as u32).last().unwrap_or(1);
         let resolutions = self.resolutions.min(n_side.ilog2() as usize + 1);
-        Plan { n_side: self.n_side.map(|finest| finest.min(n_side)), resolutions, energy: ENERGY, ..self }
+        Plan {
+            n_side: self.n_side.map(|finest| finest.min(n_side)),
+            resolutions,
+            energy: ENERGY,
+            albedo_rounds: 0,
+            ..self
+        }
     }
 
     /// The same for each of `members` materials that share a codebook a hemisphere: `codes` codes, or what is enough for many. Of
@@ -204,7 +225,8 @@ impl Plan {
             _ => [GROUP_CODES; 2],
         }
         .map(|default| codes.unwrap_or(default));
-        Plan { codes, pairs: self.pairs.min((GROUP_PAIRS / members.max(1)).max(self.batch)), ..self }
+        let pairs = self.pairs.min((GROUP_PAIRS / members.max(1)).max(self.batch));
+        Plan { codes, pairs, albedo_rounds: 0, ..self }
     }
 
     /// The grids of ωi and ωo by turns, the finest first.

@@ -5,6 +5,7 @@ use std::f32::consts::PI;
 use glam::DVec3;
 use rayon::prelude::*;
 
+use super::albedo::Views;
 use super::energy::{self, Probes};
 use super::gather::{Corners, in_frame};
 use super::network::Network;
@@ -257,6 +258,24 @@ impl Session {
     /// The NeuBRDF as it is now, with the lobe that samples it; `None` if it is none.
     pub fn neubrdf(&self) -> Option<NeuBrdf> {
         self.unsampled().map(sampled)
+    }
+
+    /// What the plan wants albedos of the finished NeuBRDF compared with; `None` if nothing, or if the ground truth is not known everywhere.
+    /// `tell` hears how many views are asked for, and of how many.
+    pub fn views(&self, truth: &GroundTruth, tell: impl FnMut(usize, usize)) -> Option<Views> {
+        let GroundTruth::Function { eval, .. } = truth else { return None };
+        let brdf = self.unsampled().filter(|_| self.plan.albedo_rounds > 0)?;
+        Some(Views::ask(&brdf, &|pairs| pairs.par_iter().map(|[wo, wi]| eval(*wo, *wi)).collect(), tell))
+    }
+
+    /// The NeuBRDF as it is now, with the albedos of views and the lobe that samples it; `None` if it is none. `tell` is called up to
+    /// [`Plan::albedo_rounds`] + 1 times meanwhile.
+    pub fn finished(&self, views: Option<&Views>, tell: impl FnMut()) -> Option<NeuBrdf> {
+        let mut brdf = self.unsampled()?;
+        if let Some(views) = views {
+            views.close_gaps(&mut brdf, self.plan.albedo_rounds, tell);
+        }
+        Some(sampled(brdf))
     }
 
     /// The same with no lobe but the hemisphere's.

@@ -83,6 +83,32 @@ fn a_small_fit_is_close() {
     assert!(errors.worst_albedo < 0.02, "albedo {:?}", errors.albedo);
 }
 
+/// The end of a training brings directional albedos nearer to the ground truth's, and costs next to nothing elsewhere. What stops half-way, and the
+/// paper's recipe, can be finished as well.
+#[test]
+fn the_end_closes_gaps_of_albedos() {
+    let truth = isotropic(&satin);
+    let eval = |pairs: &[[DVec3; 2]]| -> Vec<DVec3> { pairs.iter().map(|[wo, wi]| satin(*wo, *wi)).collect() };
+    let plan = Plan { steps: 300, pairs: 1 << 15, ..small(Recipe::Default) };
+    let mut session = Session::new(plan, &truth).unwrap();
+    while !session.is_done() {
+        session.step();
+    }
+    let errors = |brdf: NeuBrdf| {
+        let evaluator = Evaluator::neubrdf(&brdf);
+        compare(16, true, &|pairs| evaluator.eval(pairs), &eval).errors
+    };
+    let mut asked = vec![];
+    let views = session.views(&truth, |done, count| asked.push((done, count)));
+    assert!(asked.len() > 10 && asked.iter().enumerate().all(|(i, told)| *told == (i, asked.len())));
+    let [before, after] = [None, views.as_ref()].map(|views| errors(session.finished(views, || ()).unwrap()));
+    assert!(after.worst_albedo < 0.7 * before.worst_albedo, "{} after {}", after.worst_albedo, before.worst_albedo);
+    assert!(after.pairs.log < 1.05 * before.pairs.log, "{} after {}", after.pairs.log, before.pairs.log);
+
+    let paper = Session::new(small(Recipe::Paper), &truth).unwrap();
+    assert!(paper.views(&truth, |_, _| ()).is_none() && paper.finished(None, || ()).is_some());
+}
+
 #[test]
 fn the_fast_evaluation_is_that_of_the_definition() {
     for plan in small_plans() {
