@@ -29,7 +29,7 @@ layout(buffer_reference, scalar, buffer_reference_align = 4) readonly buffer Emi
 struct LightNodeRecord {
     vec3 center;             // where their power is on average; of a sphere around them
     float radius;
-    uint axis;               // octahedral, snorm 2 x 16: the middle of the directions that they face
+    uint axis;               // octahedral, snorm 2 x 16: the direction that they face on average by power
     uint spread_deviation;   // snorm 2 x 16: cosine of the greatest angle between the axis and one of these; root mean square distance
                              // from the center by power, as a part of the radius
     float power;

@@ -118,7 +118,7 @@ impl DeviceScene {
         features: &Features,
         changed: &Changed,
     ) -> Result<NextScene, Error> {
-        let table_of_lights = LightTable::with_tree(scene, |_| features.light_tree);
+        let table_of_lights = LightTable::with_tree(scene, features.light_tree);
         if let Some(what) = features.lacks_of(&Features::of(scene, &table_of_lights)) {
             return Err(Error::Fixed { what });
         }

@@ -61,7 +61,7 @@ impl PathTracer {
         let mut lights = LightTable::new(scene);
         let features = Features::of(scene, &lights).or(reserve);
         if features.light_tree != lights.tree.is_some() {
-            lights = LightTable::with_tree(scene, |_| features.light_tree);
+            lights = LightTable::with_tree(scene, features.light_tree);
         }
         if features.sun && !settings.light_sampling {
             return Err(Error::Setting {

@@ -238,12 +238,17 @@ fn turn_about_y(v: DVec3, radians: f64) -> DVec3 {
 impl LightTable {
     /// The table of a scene, in time linear in its triangles and texels; with a tree if more than two triangles emit.
     pub fn new(scene: &Scene) -> LightTable {
-        LightTable::with_tree(scene, |emitters| emitters > FEW)
+        LightTable::of(scene, None)
     }
 
-    /// The same, with a tree if the number of emissive triangles is said to be worth it.
-    pub fn with_tree(scene: &Scene, is_worth_it: impl Fn(usize) -> bool) -> LightTable {
+    /// The same with a tree, or without.
+    pub fn with_tree(scene: &Scene, has_tree: bool) -> LightTable {
+        LightTable::of(scene, Some(has_tree))
+    }
+
+    fn of(scene: &Scene, has_tree: Option<bool>) -> LightTable {
         let mut triangles = Vec::new();
+        let mut lamps = Vec::new();
         let mut weights = Vec::new();
         for (instance, Instance { mesh, .. }) in scene.instances.iter().enumerate() {
             let mesh = &scene.meshes[*mesh as usize];
@@ -253,18 +258,16 @@ impl LightTable {
             }
             for triangle in (0..mesh.triangles.len()).filter(|triangle| emits(mesh.material(*triangle))) {
                 let place = [instance as u32, triangle as u32];
-                let emitter = scene.emissive_triangle(place);
-                if emitter.mean_emission != Vec3::ZERO {
+                let lamp = scene.emissive_triangle(place);
+                if lamp.mean_emission != Vec3::ZERO {
                     triangles.push(place);
-                    weights.push(emitter.power());
+                    weights.push(lamp.power());
+                    lamps.push(lamp);
                 }
             }
         }
         let emitted: f64 = weights.iter().sum();
-        let tree = is_worth_it(triangles.len()).then(|| {
-            let emitters = triangles.iter().map(|triangle| scene.emissive_triangle(*triangle));
-            LightTree::new(&emitters.collect::<Vec<_>>(), &weights)
-        });
+        let tree = has_tree.unwrap_or(lamps.len() > FEW).then(|| LightTree::new(&lamps, &weights));
         if tree.is_some() {
             weights.truncate(1);
             weights.fill(emitted);
@@ -428,7 +431,7 @@ mod tests {
     #[test]
     fn kinds_share_the_samples_and_entries_are_picked_by_their_power() {
         let scene = scene_with_all_lights();
-        let table = LightTable::with_tree(&scene, |_| false);
+        let table = LightTable::with_tree(&scene, false);
         assert_eq!(table.triangles, [[0, 0], [0, 2], [1, 0], [1, 2]]);
         assert_eq!(table.environment_texels, 12);
         assert_eq!(table.len(), 4 + 12 + 1);
@@ -464,7 +467,7 @@ mod tests {
     #[test]
     fn a_tree_has_one_entry() {
         let scene = scene_with_all_lights();
-        let [without, with] = [false, true].map(|is_worth_it| LightTable::with_tree(&scene, |_| is_worth_it));
+        let [without, with] = [false, true].map(|has_tree| LightTable::with_tree(&scene, has_tree));
         assert_eq!(with.tree.as_ref().unwrap().leaves.len(), 4);
         assert_eq!(with.len(), 1 + 12 + 1);
         let [all, one] = [&without, &with].map(|table| implied(&table.alias));

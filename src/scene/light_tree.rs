@@ -24,7 +24,7 @@ pub struct LightNode {
     pub radius: f32,
     /// Root mean square distance from the center, weighted by power.
     pub deviation: f32,
-    /// Unit, the direction that they face on average.
+    /// Unit, the direction that they face on average by power.
     pub axis: Vec3,
     /// Cosine of the greatest angle between the axis and one of these; −1 if some triangle emits on both sides.
     pub cos_spread: f32,
@@ -44,7 +44,7 @@ pub struct Receiver {
 }
 
 /// The tree.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct LightTree {
     /// Pairs of siblings. The root is not among them; its children are the first.
     pub nodes: Vec<LightNode>,
