@@ -118,16 +118,7 @@ impl Axes {
         })?;
         let models = choices("model", &self.model, "truth", |word| Ok((word != "truth").then(|| word.to_owned())))?;
 
-        let mut product = vec![Method {
-            engine: Engine::Embree,
-            traversal: None,
-            sampler: None,
-            light_sampling: true,
-            bsdf_sampling: BsdfSampling::Lobe,
-            precision: None,
-            pool: None,
-            model: None,
-        }];
+        let mut product = vec![Method::plain(Engine::Embree, None)];
         multiply(&mut product, models, |method, model| method.model = model);
         multiply(&mut product, devices, |method, engine| method.engine = engine);
         multiply(&mut product, traversals, |method, traversal| method.traversal = traversal);
@@ -175,19 +166,25 @@ fn parse<T, E: fmt::Display>(result: Result<T, E>) -> Result<T, String> {
 }
 
 impl Method {
+    /// That of an engine which has no choice.
+    fn plain(engine: Engine, model: Option<String>) -> Method {
+        Method {
+            engine,
+            traversal: None,
+            sampler: None,
+            light_sampling: true,
+            bsdf_sampling: BsdfSampling::Lobe,
+            precision: None,
+            pool: None,
+            model,
+        }
+    }
+
     fn without_idle_choices(self) -> Method {
         match self.engine {
             Engine::Vulkan(_) => self,
             // Both sample lights and their materials' lobes, with independent numbers.
-            Engine::Embree | Engine::Mitsuba => Method {
-                traversal: None,
-                sampler: None,
-                light_sampling: true,
-                bsdf_sampling: BsdfSampling::Lobe,
-                precision: None,
-                pool: None,
-                ..self
-            },
+            Engine::Embree | Engine::Mitsuba => Method::plain(self.engine, self.model),
         }
     }
 
