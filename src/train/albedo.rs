@@ -41,6 +41,9 @@ const SOFTNESS: f64 = 10.0;
 /// anywhere.
 const DAMPING: [f64; 2] = [1e-2, 1e-3];
 
+/// Gaps of which the root mean square is less are as good as closed: a fit of `gold 0.2` paid for less with 5 % more error elsewhere.
+const CLOSED: f64 = 2e-3;
+
 /// Directions of ωo, and the ground truth's albedos there.
 pub struct Views(Vec<View>);
 
@@ -76,11 +79,16 @@ impl Views {
         Views(all.into_iter().enumerate().map(view).collect())
     }
 
-    /// Moves the codes of ωo of that NeuBRDF, `rounds` times or until the gaps get no smaller. `tell` is called rounds + 1 times at most.
+    /// Moves the codes of ωo of that NeuBRDF, `rounds` times, or until gaps are as good as closed or get no smaller. `tell` is called rounds + 1
+    /// times at most.
     pub fn close_gaps(&self, brdf: &mut NeuBrdf, rounds: u32, mut tell: impl FnMut()) {
+        let mut gaps = self.gaps(brdf);
+        let is_closed = |gaps: &[f64]| dot(gaps, gaps) <= CLOSED * CLOSED * gaps.len() as f64;
+        if is_closed(&gaps) {
+            return;
+        }
         let slopes = Slopes::of(brdf, &self.0);
         tell();
-        let mut gaps = self.gaps(brdf);
         for _ in 0..rounds {
             let codes = &mut Arc::make_mut(&mut brdf.wo.codebook).codes;
             let before = codes.clone();
@@ -93,6 +101,9 @@ impl Views {
             }
             gaps = after;
             tell();
+            if is_closed(&gaps) {
+                return;
+            }
         }
     }
 
