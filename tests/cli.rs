@@ -182,6 +182,50 @@ fn a_target_that_cannot_be_written_is_an_error_before_the_work() {
     assert!(message.contains("/nonexistent"), "{message}");
 }
 
+/// Nothing that is read, and nothing that was just written, is replaced.
+#[test]
+fn what_would_be_lost_is_refused() {
+    let (directory, obj) = bare_obj();
+    let path = |name: &str| directory.path().join(name).to_str().unwrap().to_owned();
+    let (obj, exr, here) = (text(&obj), path("a.exr"), path("./a.exr"));
+    assert!(fail(&["render", obj, "-o", obj]).contains("must end in .exr"));
+    assert!(fail(&["render", obj, "-o", &exr, "--png", &exr]).contains("must end in .png"));
+    assert!(fail(&["render", obj, "-o", &exr, "--checkpoint", &here]).contains("written twice"));
+    assert!(fail(&["render", obj, "-o", &exr, "--exposure", "1"]).contains("--png"));
+    assert!(fail(&["render", obj, "-o", &exr, "--spp", "0"]).contains("--spp"));
+    assert!(!Path::new(&exr).exists());
+    let (csv, model) = (matte_samples(directory.path()), path("a.neubrdf"));
+    let file = concat!(env!("CARGO_MANIFEST_DIR"), "/scenes/materials/denim.neubrdf");
+    std::fs::copy(file, &model).unwrap();
+    let same = std::fs::read(&model).unwrap();
+    assert!(fail(&["train", &model, "-o", &model]).contains("another name"));
+    assert!(fail(&["train", text(&csv), "-o", &model, "--checkpoint", &model]).contains("written twice"));
+    assert!(fail(&["export", &model, "--shader", "glsl", "-o", &model]).contains("another name"));
+    assert!(std::fs::read(&model).unwrap() == same);
+}
+
+/// A batch system or a closed terminal ends a render as Ctrl-C does.
+#[test]
+fn a_render_that_is_told_to_end_loses_nothing() {
+    if driver(LAVAPIPE).is_none() {
+        return;
+    }
+    let (directory, obj) = bare_obj();
+    let [exr, state] = ["out.exr", "state"].map(|name| directory.path().join(name));
+    let mut command = Command::new(env!("CARGO_BIN_EXE_neubrdf"));
+    command.args(["render", text(&obj), "-o", text(&exr), "--size", "16x16", "--time", "600"]);
+    command.args(["--checkpoint", text(&state), "--checkpoint-interval", "0"]).stderr(Stdio::piped());
+    let child = command.spawn().unwrap();
+    while !state.exists() {
+        std::thread::sleep(std::time::Duration::from_millis(20));
+    }
+    assert!(Command::new("kill").args(["-TERM", &child.id().to_string()]).status().unwrap().success());
+    let output = child.wait_with_output().unwrap();
+    let said = stderr(&output);
+    assert!(output.status.success() && said.contains("interrupted: "), "{said}");
+    assert!(read_exr(&exr).unwrap().1.spp > 0);
+}
+
 #[test]
 fn compare_exits_by_its_thresholds() {
     if driver(LAVAPIPE).is_none() {
@@ -289,6 +333,15 @@ fn materials_are_grouped_and_trained_together() {
     assert!(fail(&["material", text(&pack), "--check"]).contains("one of the 2 materials"));
     assert!(fail(&["material", text(&pack), "--name", "rod"]).contains("`red`"));
 
+    // Interrupted before the second group began.
+    let state = at("state");
+    let whole = ["group-1.neubrdf", "group-2.neubrdf"].map(|name| std::fs::read(at(name)).unwrap());
+    let checkpoint = ["--groups", "2", "--checkpoint", text(&state)];
+    train("group.neubrdf", &checkpoint);
+    std::fs::remove_file(at("state-2")).unwrap();
+    train("group.neubrdf", &[&checkpoint[..], &["--resume"]].concat());
+    assert!(whole == ["group-1.neubrdf", "group-2.neubrdf"].map(|name| std::fs::read(at(name)).unwrap()));
+
     assert_eq!(train("all.neubrdf", &["--share-network", "--quiet", "--no-report"]), "");
     assert!(!at("all.json").exists());
     let out = at("out.neubrdf");
@@ -314,7 +367,9 @@ fn mistakes_in_training_name_the_thing() {
     assert!(fail(&["train", good, "-o", out, "--features", "0"]).contains("--features"));
     assert!(fail(&["train", good, "-o", out, "--codes", "70000"]).contains("--codes"));
     assert!(fail(&["train", good, "-o", out, "--resume"]).contains("--checkpoint"));
-    let checkpoint = ["--resume", "--checkpoint", good, "--quality", "draft"];
+    let other = directory.path().join("other");
+    std::fs::copy(good, &other).unwrap();
+    let checkpoint = ["--resume", "--checkpoint", text(&other), "--quality", "draft"];
     assert!(fail(&[&["train", good, "-o", out][..], &checkpoint].concat()).contains("not a checkpoint"));
     assert!(!Path::new(out).exists());
     for input in ["/nonexistent.neubrdf", good] {

@@ -309,7 +309,8 @@ fn the_command_writes_module_data_and_description() {
         export(&[("denim".to_owned(), shipped("denim"))], Language::Wgsl, Place { group: 1, binding: 0 }).unwrap();
     assert_eq!(std::fs::read_to_string(at("denim.wgsl")).unwrap(), expected.shader);
     assert_eq!(std::fs::read(at("denim.bin")).unwrap(), expected.bytes());
-    let description: serde_json::Value = serde_json::from_slice(&std::fs::read(at("denim.json")).unwrap()).unwrap();
+    let description: serde_json::Value =
+        serde_json::from_slice(&std::fs::read(at("denim.wgsl.json")).unwrap()).unwrap();
     assert_eq!(description["bytes"], expected.bytes().len());
     assert_eq!(description["models"][0]["first_word"], 0);
     assert_eq!(description["group"], 1);
@@ -336,7 +337,7 @@ fn the_command_writes_module_data_and_description() {
     refused(&[&input, "--shader", "spirv", "-o", &output], "expected glsl, wgsl, hlsl or msl");
     refused(&[&input, "--shader", "glsl"], "--output");
     refused(&[&input, "--shader", "glsl", "-o", &text(&at("there/denim.glsl"))], "there is no directory");
-    refused(&[&input, "--shader", "glsl", "-o", &text(&at("denim.bin"))], "cannot be the .bin");
+    refused(&[&input, "--shader", "glsl", "-o", &text(&at("denim.bin"))], "written twice");
     refused(&[&input], "--shader");
     assert_eq!(files(), before, "what fails writes nothing");
 }

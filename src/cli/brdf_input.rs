@@ -163,7 +163,7 @@ impl Evaluate for SceneMaterial {
 fn scene_material(path: &Path, name: Option<&str>) -> Result<SceneMaterial> {
     let (surface, brdfs) = match name {
         Some(name) => {
-            let (scene, _) = Scene::load(path)?;
+            let (scene, _) = Scene::load(path).with_context(|| format!("--name {name} picks a material of a scene"))?;
             let names = || scene.materials.iter().map(|material| material.name.as_str()).collect::<Vec<_>>().join(", ");
             let material = scene.materials.iter().find(|material| material.name == name);
             let material =

@@ -9,10 +9,11 @@ use anyhow::{Context, Result, bail};
 use neubrdf::converge::export_mitsuba;
 use neubrdf::export::{Exported, Language, Place, export};
 use neubrdf::image::{Error, atomic_write};
+use neubrdf::render::Settings;
 use neubrdf::scene::Scene;
 use neubrdf::scene::brdf::{NeuBrdf, NeuBrdfPack};
 
-use super::job::check_writable;
+use super::job::check_outputs;
 
 /// Write NeuBRDFs as a shader module and its data, or a scene for another renderer. What that renderer defines otherwise is an error.
 #[derive(clap::Args)]
@@ -23,7 +24,7 @@ pub struct Arguments {
     /// Write a module with the functions neubrdf_eval, neubrdf_pdf and neubrdf_sample: glsl, wgsl, hlsl or msl
     #[arg(long, value_name = "LANGUAGE", required_unless_present = "mitsuba")]
     shader: Option<Language>,
-    /// The module to write, or a directory for it; its data (.bin) and their description (.json) go beside it
+    /// The module to write, or a directory for it; its data (.bin) and their description (.json behind the module's name) go beside it
     #[arg(
         short,
         long,
@@ -43,7 +44,7 @@ pub struct Arguments {
     #[arg(long, value_name = "DIRECTORY", conflicts_with = "shader")]
     mitsuba: Option<PathBuf>,
     /// Path segments, as of `render`
-    #[arg(long, default_value_t = 16, value_parser = clap::value_parser!(u32).range(1..=65_535), requires = "mitsuba")]
+    #[arg(long, default_value_t = 16, value_parser = clap::value_parser!(u32).range(1..=i64::from(Settings::DEEPEST)), requires = "mitsuba")]
     max_depth: u32,
 }
 
@@ -69,13 +70,10 @@ fn write_scene(arguments: &Arguments, directory: &Path) -> Result<()> {
 
 fn write_shader(arguments: &Arguments, language: Language, output: &Path) -> Result<()> {
     let module = module_path(&arguments.inputs, language, output)?;
-    let [data, description] = ["bin", "json"].map(|ending| module.with_extension(ending));
-    if [&data, &description].contains(&&module) {
-        bail!("{}: the module cannot be the .bin or the .json that is written beside it", module.display());
-    }
-    for path in [&module, &data, &description] {
-        check_writable(path)?;
-    }
+    let data = module.with_extension("bin");
+    // X.json is the report of a training.
+    let description = PathBuf::from(format!("{}.json", module.display()));
+    check_outputs([&module, &data, &description].map(PathBuf::as_path), arguments.inputs.iter().map(PathBuf::as_path))?;
     let mut models = Vec::new();
     for path in &arguments.inputs {
         let file = stem(path)?;

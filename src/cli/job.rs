@@ -2,8 +2,9 @@
 
 use std::path::{Path, PathBuf};
 
-use anyhow::{Result, bail};
-use neubrdf::image::{Crop, Metadata, Picture, write_exr, write_png};
+use anyhow::{Context, Result, bail};
+use neubrdf::image::{Crop, Metadata, Picture, check_writable, write_exr, write_png};
+use neubrdf::render::Settings;
 use neubrdf::scene::{Film, Scene};
 
 /// The arguments that `render` and `reference` share.
@@ -18,7 +19,7 @@ pub struct Job {
     #[arg(long, value_name = "PNG")]
     pub png: Option<PathBuf>,
     /// Exposure of the PNG, in stops
-    #[arg(long, default_value_t = 0.0, allow_negative_numbers = true)]
+    #[arg(long, default_value_t = 0.0, allow_negative_numbers = true, requires = "png")]
     pub exposure: f32,
     /// Size of the film instead of the scene's, as WIDTHxHEIGHT
     #[arg(long, value_name = "WxH", value_parser = film_size)]
@@ -27,7 +28,7 @@ pub struct Job {
     #[arg(long)]
     pub crop: Option<Crop>,
     /// Path segments: 1 sees emission, 2 adds direct light
-    #[arg(long, default_value_t = 16, value_parser = clap::value_parser!(u32).range(1..=65_535))]
+    #[arg(long, default_value_t = 16, value_parser = clap::value_parser!(u32).range(1..=i64::from(Settings::DEEPEST)))]
     pub max_depth: u32,
     /// No bar and no warnings
     #[arg(long)]
@@ -35,14 +36,15 @@ pub struct Job {
 }
 
 impl Job {
-    /// Loads the scene and prints its warnings, once it is clear that there is something to write and where.
-    pub fn load(&self) -> Result<Scene> {
-        if self.output.is_none() && self.png.is_none() {
+    /// Loads the scene and prints its warnings, once it is clear that there is something to write and where; `checkpoint` is written too.
+    pub fn load(&self, checkpoint: Option<&Path>) -> Result<Scene> {
+        let (output, png) = (self.output.as_deref(), self.png.as_deref());
+        if output.is_none() && png.is_none() {
             bail!("nothing to write: say -o PICTURE.exr, --png PICTURE.png, or both");
         }
-        for path in [&self.output, &self.png].into_iter().flatten() {
-            check_writable(path)?;
-        }
+        output.map_or(Ok(()), |path| check_ending(path, &["exr"]))?;
+        png.map_or(Ok(()), |path| check_ending(path, &["png"]))?;
+        check_outputs([output, png, checkpoint].into_iter().flatten(), [self.scene.as_path()])?;
         let (mut scene, warnings) = Scene::load(&self.scene)?;
         if !self.quiet {
             for warning in &warnings {
@@ -73,14 +75,35 @@ pub fn film_size(word: &str) -> Result<Film, String> {
         .ok_or_else(|| format!("'{word}' is no size: expected WIDTHxHEIGHT in pixels, both at least 1"))
 }
 
-/// Errors where a file could not be written after hours of work, before them.
-pub fn check_writable(path: &Path) -> Result<()> {
-    let directory = path.parent().filter(|directory| !directory.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    if !directory.is_dir() {
-        bail!("{}: cannot be written: there is no directory {}", path.display(), directory.display());
-    }
-    if path.is_dir() {
-        bail!("{}: cannot be written: it is a directory", path.display());
+/// A file that is to be written ends as what it will be.
+pub fn check_ending(path: &Path, endings: &[&str]) -> Result<()> {
+    let is_one = |ending: &str| endings.iter().any(|known| ending.eq_ignore_ascii_case(known));
+    if !path.extension().and_then(|ending| ending.to_str()).is_some_and(is_one) {
+        bail!("{}: the file to write must end in .{}", path.display(), endings.join(" or ."));
     }
     Ok(())
+}
+
+/// Tells before hours of work what would go wrong after them: files that cannot be written, and files that would replace one another or
+/// an input.
+pub fn check_outputs<'a>(
+    outputs: impl IntoIterator<Item = &'a Path>,
+    inputs: impl IntoIterator<Item = &'a Path>,
+) -> Result<()> {
+    let mut taken: Vec<PathBuf> = inputs.into_iter().map(place).collect();
+    for path in outputs {
+        check_writable(path).context("cannot be written")?;
+        let place = place(path);
+        if taken.contains(&place) {
+            bail!("{}: it would replace what is read, or be written twice: give it another name", path.display());
+        }
+        taken.push(place);
+    }
+    Ok(())
+}
+
+/// One name for each file, whether it is there already or not.
+fn place(path: &Path) -> PathBuf {
+    let beside = || Some(path.parent()?.join(".").canonicalize().ok()?.join(path.file_name()?));
+    path.canonicalize().ok().or_else(beside).unwrap_or_else(|| path.to_owned())
 }

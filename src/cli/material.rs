@@ -4,7 +4,7 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
-use anyhow::{Result, bail};
+use anyhow::Result;
 use glam::DVec3;
 use neubrdf::image::atomic_write;
 use neubrdf::scene::brdf::{Footprint, NeuBrdf, NeuBrdfPack, SurfaceFrame};
@@ -14,12 +14,12 @@ use neubrdf::train::{Evaluator, plot};
 use rayon::prelude::*;
 
 use super::brdf_input::{BrdfInput, Drawing};
-use super::job::check_writable;
+use super::job::{check_ending, check_outputs};
 
 /// Say what a BRDF is. Exit status 3 if --check finds it wrong.
 #[derive(clap::Args)]
 pub struct Arguments {
-    /// A .neubrdf, .binary, .bsdf, .csv, .safetensors or .npy file, or a scene (.toml)
+    /// What `train` takes: .neubrdf, .binary, .bsdf, .csv, .safetensors or .npy, a material or a scene (.toml), or a directory of images (BTF)
     input: PathBuf,
     /// The material, where INPUT holds several; without, those of a .neubrdf pack are listed
     #[arg(long)]
@@ -31,7 +31,7 @@ pub struct Arguments {
     #[arg(long)]
     check: bool,
     /// The largest directional albedo that --check lets pass
-    #[arg(long, default_value_t = 1.01)]
+    #[arg(long, default_value_t = 1.01, requires = "check")]
     max_albedo: f64,
     /// Print JSON
     #[arg(long)]
@@ -53,10 +53,8 @@ const PLOT_GAIN: f64 = 100.0;
 /// Loads, prints, draws, checks.
 pub fn run(arguments: Arguments) -> Result<ExitCode> {
     if let Some(path) = &arguments.plot {
-        check_writable(path)?;
-        if path.extension().and_then(|ending| ending.to_str()) != Some("svg") {
-            bail!("{}: a plot is an .svg", path.display());
-        }
+        check_ending(path, &["svg"])?;
+        check_outputs([path.as_path()], [arguments.input.as_path()])?;
     }
     let pack = match arguments.input.extension().and_then(|ending| ending.to_str()) {
         Some("neubrdf") => Some(NeuBrdfPack::load(&arguments.input)?),

@@ -1,5 +1,6 @@
 //! What a long command shows while it runs: a bar with ETA on a terminal, nothing when it is quiet or piped.
 
+use std::io::{Write, stderr};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
@@ -23,7 +24,8 @@ pub fn bar(length: u64, quiet: bool) -> ProgressBar {
     bar
 }
 
-/// A flag that the first Ctrl-C raises; a second one ends the process at once.
+/// A flag that the first Ctrl-C raises, or a request to end from elsewhere (SIGTERM, SIGHUP: a batch system, a session that is closed);
+/// a second one ends the process at once.
 pub fn interrupt_flag() -> anyhow::Result<Arc<AtomicBool>> {
     let flag = Arc::new(AtomicBool::new(false));
     let raised = flag.clone();
@@ -31,7 +33,8 @@ pub fn interrupt_flag() -> anyhow::Result<Arc<AtomicBool>> {
         if raised.swap(true, Ordering::SeqCst) {
             std::process::exit(130);
         }
-        eprintln!("\nfinishing this pass; press Ctrl-C again to stop at once");
+        // Whose terminal is gone reads nothing any longer.
+        let _ = writeln!(stderr(), "\nfinishing, so that nothing is lost; press Ctrl-C again to stop at once");
     })?;
     Ok(flag)
 }

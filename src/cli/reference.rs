@@ -14,7 +14,7 @@ pub struct Arguments {
     #[command(flatten)]
     job: Job,
     /// Samples a pixel
-    #[arg(long, default_value_t = 64)]
+    #[arg(long, default_value_t = 64, value_parser = clap::value_parser!(u32).range(1..))]
     spp: u32,
     /// Another seed gives independent noise
     #[arg(long, default_value_t = 0)]
@@ -23,7 +23,7 @@ pub struct Arguments {
 
 /// Loads, renders, writes.
 pub fn run(arguments: Arguments) -> Result<ExitCode> {
-    let scene = arguments.job.load()?;
+    let scene = arguments.job.load(None)?;
     let options = ReferenceOptions {
         spp: arguments.spp,
         seed: arguments.seed,

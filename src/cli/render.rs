@@ -14,7 +14,7 @@ use neubrdf::render::{
 };
 use serde_json::json;
 
-use super::job::{Job, check_writable};
+use super::job::Job;
 use super::progress;
 
 /// Path trace a scene on a Vulkan device.
@@ -23,13 +23,13 @@ pub struct Arguments {
     #[command(flatten)]
     job: Job,
     /// Samples a pixel; 64 unless --time or --error says when to stop
-    #[arg(long)]
+    #[arg(long, value_parser = clap::value_parser!(u32).range(1..))]
     spp: Option<u32>,
     /// Stop after so many seconds of rendering
-    #[arg(long, value_name = "SECONDS")]
+    #[arg(long, value_name = "SECONDS", allow_negative_numbers = true)]
     time: Option<f64>,
     /// Stop when the estimated mean relative error of the picture is below
-    #[arg(long)]
+    #[arg(long, allow_negative_numbers = true)]
     error: Option<f64>,
     /// Picks the random numbers; the same seed gives the same bits
     #[arg(long, default_value_t = 0)]
@@ -50,7 +50,7 @@ pub struct Arguments {
     #[arg(long, value_name = "BOUNCES", default_value_t = Settings::ROULETTE_AFTER)]
     roulette_after: u32,
     /// What a path may bring of indirect light: ends fireflies, and takes light away. Without it nothing does
-    #[arg(long, value_name = "RADIANCE")]
+    #[arg(long, value_name = "RADIANCE", allow_negative_numbers = true)]
     clamp_indirect: Option<f32>,
     /// A part of a device's or driver's name, or its number in `neubrdf info`
     #[arg(long)]
@@ -59,13 +59,13 @@ pub struct Arguments {
     #[arg(long, default_value = "all")]
     aov: Aovs,
     /// Paths in flight; by default what suits the device
-    #[arg(long, value_name = "PATHS")]
+    #[arg(long, value_name = "PATHS", value_parser = clap::value_parser!(u32).range(1..))]
     pool: Option<u32>,
     /// Save resumable state to this file about once a minute and at the end
     #[arg(long, value_name = "FILE")]
     checkpoint: Option<PathBuf>,
     /// Seconds between two checkpoints
-    #[arg(long, value_name = "SECONDS", default_value_t = 60.0)]
+    #[arg(long, value_name = "SECONDS", default_value_t = 60.0, requires = "checkpoint")]
     checkpoint_interval: f64,
     /// Go on from the --checkpoint file
     #[arg(long, requires = "checkpoint")]
@@ -116,11 +116,8 @@ pub fn run(arguments: Arguments) -> Result<ExitCode> {
             bail!("--time and --error take numbers above 0, not {limit}");
         }
     }
-    if let Some(path) = &arguments.checkpoint {
-        check_writable(path)?;
-    }
     let loading = Instant::now();
-    let scene = arguments.job.load()?;
+    let scene = arguments.job.load(arguments.checkpoint.as_deref())?;
     let load_seconds = loading.elapsed().as_secs_f64();
 
     let preparing = Instant::now();
@@ -157,14 +154,21 @@ pub fn run(arguments: Arguments) -> Result<ExitCode> {
     if rejected > 0 && !arguments.job.quiet {
         eprintln!("warning: {rejected} samples were not finite and count as black; please report the scene");
     }
+    let error = if renderer.samples() > 1 { Some(renderer.estimate_error()?) } else { None };
+    let rate = renderer.samples() as f64 * renderer.pixel_count() as f64 / renderer.seconds().max(1e-9);
+    if !arguments.job.quiet {
+        let interrupted = if stopped == Stopped::Interrupted { "interrupted: " } else { "" };
+        let error = error.map_or(String::new(), |error| format!(", estimated error {:.2} %", 100.0 * error));
+        let (spp, seconds) = (renderer.samples(), renderer.seconds());
+        eprintln!("{interrupted}{spp} spp in {seconds:.1} s, {:.2} Msamples/s{error}", 1e-6 * rate);
+    }
     if arguments.stats.is_some() {
         let statistics = json!({
             "scene": arguments.job.scene, "scene_hash": metadata.scene_hash, "device": metadata.device,
             "traversal": metadata.traversal, "width": picture.width, "height": picture.height,
             "spp": renderer.samples(), "max_depth": settings.max_depth, "seed": settings.seed,
             "load_seconds": load_seconds, "prepare_seconds": prepare_seconds, "render_seconds": renderer.seconds(),
-            "samples_per_second": renderer.samples() as f64 * renderer.pixel_count() as f64 / renderer.seconds().max(1e-9),
-            "estimated_error": if renderer.samples() > 1 { Some(renderer.estimate_error()?) } else { None },
+            "samples_per_second": rate, "estimated_error": error,
             "rejected_samples": rejected, "stopped": format!("{stopped:?}").to_lowercase(),
         });
         tell!("{statistics:#}")?;

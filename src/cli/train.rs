@@ -3,6 +3,7 @@
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
+use std::sync::atomic::Ordering;
 
 use anyhow::{Context, Result, bail};
 use clap::ValueEnum;
@@ -14,7 +15,7 @@ use neubrdf::train::{Evaluator, Model, Plan, Quality, Recipe, RecipeResult, Repo
 use rayon::prelude::*;
 
 use super::brdf_input::{BrdfInput, Drawing};
-use super::job::check_writable;
+use super::job::{self, check_ending};
 use super::train_loop::{finish, train};
 use super::{progress, train_group};
 
@@ -115,12 +116,8 @@ pub fn run(arguments: Arguments) -> Result<ExitCode> {
         Model::NeuBrdf => "neubrdf",
         Model::Nbrdf => "safetensors",
     };
-    if arguments.output.extension().and_then(|ending| ending.to_str()) != Some(expected) {
-        bail!("{}: the file to write must end in .{expected}", arguments.output.display());
-    }
-    for path in [Some(&arguments.output), arguments.checkpoint.as_ref()].into_iter().flatten() {
-        check_writable(path)?;
-    }
+    check_ending(&arguments.output, &[expected])?;
+    check_outputs(&arguments, &arguments.output, arguments.checkpoint.as_deref())?;
     if arguments.share {
         return train_group::run(&arguments);
     }
@@ -179,13 +176,22 @@ pub fn run(arguments: Arguments) -> Result<ExitCode> {
     if arguments.compare_recipes {
         let errors = comparison.errors.clone();
         recipes.push(RecipeResult { recipe: arguments.recipe, bytes: bytes.len(), seconds, errors });
-        for recipe in Recipe::value_variants().iter().filter(|recipe| **recipe != arguments.recipe) {
+        let is_interrupted = || interrupted.load(Ordering::SeqCst);
+        let others = Recipe::value_variants().iter().filter(|recipe| **recipe != arguments.recipe);
+        for recipe in others.take_while(|_| !is_interrupted()) {
             let plan = recipe_plan(&arguments, &input, *recipe, input.brdf.is_isotropic_in_frames());
             let mut session = Session::new(plan, &input.ground_truth(&eval))?;
             let seconds = train(&mut session, None, &interrupted, arguments.quiet)?;
+            if is_interrupted() {
+                break;
+            }
             let file = finished(&session).context("a recipe trains NeuBRDFs")?.encode(precision)?;
             let errors = measure(&Evaluator::neubrdf(&NeuBrdf::decode(&file)?), BALL).errors;
             recipes.push(RecipeResult { recipe: *recipe, bytes: file.len(), seconds, errors });
+        }
+        if is_interrupted() {
+            // What was broken off compares with nothing.
+            eprintln!("interrupted: the report compares the recipes that were trained to their ends");
         }
     }
     let report = Report {
@@ -218,6 +224,14 @@ pub fn run(arguments: Arguments) -> Result<ExitCode> {
         )?;
     }
     Ok(ExitCode::SUCCESS)
+}
+
+/// Tells before the work what could not be written after it: the file and its report, if there is to be one, and the checkpoint.
+pub(super) fn check_outputs(arguments: &Arguments, output: &Path, checkpoint: Option<&Path>) -> Result<()> {
+    let [json, html] = ["json", "html"].map(|ending| output.with_extension(ending));
+    let report = [json.as_path(), html.as_path()].into_iter().filter(|_| !arguments.no_report);
+    let outputs = [output].into_iter().chain(report).chain(checkpoint);
+    job::check_outputs(outputs, arguments.inputs.iter().map(PathBuf::as_path))
 }
 
 fn corner_weights(word: &str) -> Result<CornerWeights, String> {

@@ -12,9 +12,8 @@ use neubrdf::train::measure::{Comparison, compare};
 use neubrdf::train::{Evaluator, Group, GroupReport, Model, Plan, Recipe, Report, Session, cluster};
 
 use super::brdf_input::BrdfInput;
-use super::job::check_writable;
 use super::progress;
-use super::train::{Arguments, BALL, drawing, plan, provenance, truth, write};
+use super::train::{Arguments, BALL, check_outputs, drawing, plan, provenance, truth, write};
 use super::train_loop::train;
 
 /// A material to learn, and its name in the pack.
@@ -31,7 +30,18 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
     let members = members(arguments)?;
     let groups = groups(arguments, &members);
     let paths: Vec<PathBuf> = (0..groups.len()).map(|index| numbered(&arguments.output, index, groups.len())).collect();
-    paths.iter().try_for_each(|path| check_writable(path))?;
+    let checkpoints: Vec<Option<PathBuf>> = (0..groups.len())
+        .map(|index| arguments.checkpoint.as_ref().map(|path| numbered(path, index, groups.len())))
+        .collect();
+    for (path, checkpoint) in paths.iter().zip(&checkpoints) {
+        check_outputs(arguments, path, checkpoint.as_deref())?;
+    }
+    if arguments.resume && !checkpoints.iter().flatten().any(|path| path.is_file()) {
+        bail!(
+            "{}: there is no such checkpoint to go on from",
+            checkpoints.iter().flatten().map(|path| path.display().to_string()).collect::<Vec<_>>().join(", ")
+        );
+    }
     if !arguments.quiet && groups.len() > 1 {
         for (group, path) in groups.iter().zip(&paths) {
             let names: Vec<&str> = group.iter().map(|member| members[*member].name.as_str()).collect();
@@ -41,8 +51,7 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
     let interrupted = progress::interrupt_flag()?;
     for (index, (group, path)) in groups.iter().zip(&paths).enumerate() {
         let group: Vec<&Member> = group.iter().map(|member| &members[*member]).collect();
-        let checkpoint = arguments.checkpoint.as_ref().map(|path| numbered(path, index, groups.len()));
-        train_group(arguments, &group, path, checkpoint.as_deref(), &interrupted)?;
+        train_group(arguments, &group, path, checkpoints[index].as_deref(), &interrupted)?;
         if interrupted.load(Ordering::SeqCst) && index + 1 < groups.len() {
             bail!("interrupted: {} and later ones were not begun", paths[index + 1].display());
         }
@@ -131,7 +140,8 @@ fn train_group(
         Ok(Session::new(plan, &input.ground_truth(&eval))?)
     });
     let mut group = Group::new(sessions.collect::<Result<_>>()?, arguments.share_network)?;
-    if let Some(path) = checkpoint.filter(|_| arguments.resume) {
+    // A group that was not begun has none.
+    if let Some(path) = checkpoint.filter(|path| arguments.resume && path.is_file()) {
         group.restore(path)?;
     }
     let seconds = train(&mut group, checkpoint, interrupted, arguments.quiet)?;

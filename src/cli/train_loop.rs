@@ -28,67 +28,44 @@ pub trait Training: Send {
     fn save(&mut self, path: &Path) -> Result<(), Error>;
 }
 
-impl Training for Session {
-    fn planned(&self) -> u32 {
-        self.plan.steps
-    }
+/// Both name these alike.
+macro_rules! training {
+    ($kind:ty, $planned:expr) => {
+        impl Training for $kind {
+            fn planned(&self) -> u32 {
+                $planned(self)
+            }
 
-    fn steps(&self) -> u32 {
-        self.steps()
-    }
+            fn steps(&self) -> u32 {
+                self.steps()
+            }
 
-    fn loss(&self) -> f64 {
-        self.loss()
-    }
+            fn loss(&self) -> f64 {
+                self.loss()
+            }
 
-    fn is_done(&self) -> bool {
-        self.is_done()
-    }
+            fn is_done(&self) -> bool {
+                self.is_done()
+            }
 
-    fn step(&mut self) {
-        self.step();
-    }
+            fn step(&mut self) {
+                self.step();
+            }
 
-    fn wind_down(&mut self) {
-        self.wind_down();
-    }
+            fn wind_down(&mut self) {
+                self.wind_down();
+            }
 
-    fn save(&mut self, path: &Path) -> Result<(), Error> {
-        self.save(path)
-    }
+            fn save(&mut self, path: &Path) -> Result<(), Error> {
+                self.save(path)
+            }
+        }
+    };
 }
+training!(Session, |session: &Session| session.plan.steps);
+training!(Group, |group: &Group| group.members()[0].plan.steps);
 
-impl Training for Group {
-    fn planned(&self) -> u32 {
-        self.members()[0].plan.steps
-    }
-
-    fn steps(&self) -> u32 {
-        self.steps()
-    }
-
-    fn loss(&self) -> f64 {
-        self.loss()
-    }
-
-    fn is_done(&self) -> bool {
-        self.is_done()
-    }
-
-    fn step(&mut self) {
-        self.step();
-    }
-
-    fn wind_down(&mut self) {
-        self.wind_down();
-    }
-
-    fn save(&mut self, path: &Path) -> Result<(), Error> {
-        self.save(path)
-    }
-}
-
-/// Trains under a bar, with checkpoints, until the end or Ctrl-C, which raises `interrupted`. Returns the seconds that it took.
+/// Trains under a bar, with checkpoints, one of them at the end, until the end or Ctrl-C, which raises `interrupted`. Returns the seconds that it took.
 pub fn train(
     training: &mut dyn Training,
     checkpoint: Option<&Path>,
@@ -125,6 +102,9 @@ pub fn train(
             training.wind_down();
             is_winding_down = true;
         }
+    }
+    if let Some(path) = checkpoint.filter(|_| !is_winding_down) {
+        training.save(path)?;
     }
     bar.finish();
     Ok(started.elapsed().as_secs_f64())

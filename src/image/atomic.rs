@@ -2,7 +2,7 @@
 
 use std::fs::{self, File, OpenOptions};
 use std::io::{self, BufWriter, Write};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU32, Ordering};
 
 use super::Error;
@@ -15,20 +15,11 @@ pub fn atomic_write<E: From<Error>>(
     path: impl AsRef<Path>,
     write: impl FnOnce(&mut BufWriter<File>) -> Result<(), E>,
 ) -> Result<(), E> {
-    static UNIQUE: AtomicU32 = AtomicU32::new(0);
     let path = path.as_ref();
     let io_error = |source| E::from(Error::Io { path: path.to_owned(), source });
-
-    if fs::metadata(path).is_ok_and(|metadata| !metadata.is_file()) {
-        return Err(io_error(io::Error::other("is not a regular file; name a file to write to")));
-    }
-    let name = path.file_name().ok_or_else(|| io_error(io::Error::other("names no file")))?;
-    let unique = UNIQUE.fetch_add(1, Ordering::Relaxed);
-    let partial = path.with_file_name(format!(".{}.{}-{unique}.partial", name.to_string_lossy(), std::process::id()));
-
+    let partial = partial(path).map_err(io_error)?;
     let finish = || {
-        let file = OpenOptions::new().write(true).create_new(true).open(&partial).map_err(io_error)?;
-        let mut writer = BufWriter::new(file);
+        let mut writer = BufWriter::new(create(&partial).map_err(io_error)?);
         write(&mut writer)?;
         writer.flush().map_err(io_error)?;
         writer.get_ref().sync_all().map_err(io_error)?;
@@ -40,4 +31,38 @@ pub fn atomic_write<E: From<Error>>(
         let _ = fs::remove_file(&partial);
     }
     result
+}
+
+/// Whether [`atomic_write`] could begin: a file is made beside `path` and taken away again.
+///
+/// # Errors
+/// The operating system says no, or `path` is there and no regular file.
+pub fn check_writable(path: impl AsRef<Path>) -> Result<(), Error> {
+    let path = path.as_ref();
+    let probe = || {
+        let partial = partial(path)?;
+        create(&partial)?;
+        fs::remove_file(&partial)
+    };
+    probe().map_err(|source| Error::Io { path: path.to_owned(), source })
+}
+
+/// The name of a file beside `path` that becomes it.
+fn partial(path: &Path) -> io::Result<PathBuf> {
+    static UNIQUE: AtomicU32 = AtomicU32::new(0);
+    if fs::metadata(path).is_ok_and(|metadata| !metadata.is_file()) {
+        return Err(io::Error::other("is not a regular file; name a file to write to"));
+    }
+    let name = path.file_name().ok_or_else(|| io::Error::other("names no file"))?.to_string_lossy();
+    let unique = UNIQUE.fetch_add(1, Ordering::Relaxed);
+    Ok(path.with_file_name(format!(".{name}.{}-{unique}.partial", std::process::id())))
+}
+
+fn create(partial: &Path) -> io::Result<File> {
+    OpenOptions::new().write(true).create_new(true).open(partial).map_err(|error| match partial.parent() {
+        Some(parent) if error.kind() == io::ErrorKind::NotFound => {
+            io::Error::new(error.kind(), format!("there is no directory {}", parent.display()))
+        }
+        _ => error,
+    })
 }

@@ -11,7 +11,7 @@ pub mod tone_map;
 
 use std::path::{Path, PathBuf};
 
-pub use atomic::atomic_write;
+pub use atomic::{atomic_write, check_writable};
 pub use exr_file::{read_exr, write_exr};
 pub use metadata::Metadata;
 pub use picture::{Crop, Picture, Samples, plane};
