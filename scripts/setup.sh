@@ -33,16 +33,27 @@ version() { dpkg-query -W -f '${Version}' "$1" 2>/dev/null || echo 0; }
 apt_updated=no
 apt_install() {
     if [ $apt_updated = no ]; then as_root apt-get update -qq; apt_updated=yes; fi
-    as_root env DEBIAN_FRONTEND=noninteractive apt-get install -y -qq --no-install-recommends "$@" >/dev/null
+    # A fresh machine's own updates may hold apt's lock for a while.
+    as_root env DEBIAN_FRONTEND=noninteractive apt-get -o DPkg::Lock::Timeout=300 install -y -qq --no-install-recommends "$@" >/dev/null
 }
 
 if ! command -v dpkg-query >/dev/null 2>&1; then
-    say "this is no Debian system: please install a Vulkan 1.3 driver, Embree 3 and (for the tests) glslangValidator, spirv-val, the validation layers"
+    say "this is no Debian system: please install a Vulkan 1.2 driver, Embree 3 and (for the tests) glslangValidator, spirv-val, the validation layers"
     exit 0
 fi
 . /etc/os-release
 if ! command -v cargo >/dev/null 2>&1; then
-    say "Rust is missing: install it from https://rustup.rs, or with your system's packages, then start again"
+    if [ -x "$HOME/.cargo/bin/cargo" ]; then
+        say "Rust is there, but not in this shell's PATH: run '. \"$HOME/.cargo/env\"', then start again"
+    else
+        say "Rust is missing: install it from https://rustup.rs (Debian 12's own is too old), then start again"
+    fi
+    exit 1
+fi
+needed=$(sed -n 's/^rust-version = "\(.*\)"/\1/p' Cargo.toml)
+found=$(cargo --version | cut -d ' ' -f 2)
+if ! dpkg --compare-versions "$found" ge "$needed"; then
+    say "Rust $found is too old, $needed is needed: run 'rustup update', or install it from https://rustup.rs, then start again"
     exit 1
 fi
 
@@ -58,7 +69,7 @@ fi
 if ! dpkg --compare-versions "$(version mesa-vulkan-drivers)" ge 24.1; then
     if [ "${VERSION_CODENAME:-}" = bookworm ]; then
         list=/etc/apt/sources.list.d/bookworm-backports.sources
-        if ! grep -rqs bookworm-backports /etc/apt/sources.list /etc/apt/sources.list.d; then
+        if ! grep -rqsE '^(deb|Suites:) .*bookworm-backports' /etc/apt/sources.list /etc/apt/sources.list.d; then
             say "adding Debian's bookworm-backports to apt ($list)"
             printf 'Types: deb\nURIs: http://deb.debian.org/debian\nSuites: bookworm-backports\nComponents: main\nSigned-By: /usr/share/keyrings/debian-archive-keyring.gpg\n' \
                 | as_root tee "$list" >/dev/null

@@ -132,7 +132,7 @@ impl Installed {
         Some(folder.join("build/engine"))
     }
 
-    /// Where programs find the library, as they do in /usr/local by themselves.
+    /// Where programs find the library, as they do in /usr/local by themselves, after `ldconfig`.
     fn command(&self, program: &Path) -> Command {
         let mut command = Command::new(program);
         command.env("LD_LIBRARY_PATH", self.at("lib"));

@@ -26,6 +26,6 @@ if(NeuBRDF_FOUND AND NeuBRDF_STATIC_LIBRARY AND NOT TARGET NeuBRDF::Static)
   add_library(NeuBRDF::Static STATIC IMPORTED)
   set_target_properties(NeuBRDF::Static PROPERTIES
     IMPORTED_LOCATION "${NeuBRDF_STATIC_LIBRARY}"
-    INTERFACE_LINK_LIBRARIES "gcc_s;util;rt;pthread;m;dl"
+    INTERFACE_LINK_LIBRARIES "stdc++;gcc_s;util;rt;pthread;m;dl"
     INTERFACE_INCLUDE_DIRECTORIES "${NeuBRDF_INCLUDE_DIR}")
 endif()

@@ -156,7 +156,8 @@ macro_rules! sized_structs {
 }
 pub(super) use sized_structs;
 
-/// What a caller's struct holds; what it does not have is 0.
+/// What a caller's struct holds; what it does not have is 0. What it has and this library does not know must be 0: a program that is newer
+/// than the library asks for something there.
 ///
 /// # Safety
 /// The pointer is null or points to as many readable bytes as its size member says.
@@ -166,6 +167,15 @@ pub(super) unsafe fn read<T: Sized32>(pointer: *const T) -> Result<T, Failure> {
     // SAFETY: all bits zero is a value.
     let mut value: T = unsafe { std::mem::zeroed() };
     let bytes = size.min(size_of::<T>());
+    // SAFETY: the caller says that they are there.
+    let unknown = unsafe { std::slice::from_raw_parts(pointer.cast::<u8>().add(bytes), size - bytes) };
+    if unknown.iter().any(|byte| *byte != 0) {
+        return Err(Failure::argument(format!(
+            "{} says something in members that this library, version {}, does not have: set them to 0, or take a newer library",
+            T::NAME,
+            env!("CARGO_PKG_VERSION")
+        )));
+    }
     // SAFETY: both have that many bytes, and any bytes are a value.
     unsafe { std::ptr::copy_nonoverlapping(pointer.cast::<u8>(), (&raw mut value).cast::<u8>(), bytes) };
     Ok(value)
@@ -187,6 +197,9 @@ pub(super) unsafe fn write<T: Sized32>(pointer: *mut T, value: T) -> Result<(), 
     Ok(())
 }
 
+/// Bytes of a struct that is still plausible.
+const LARGEST: usize = 1 << 16;
+
 /// # Safety
 /// The pointer is null or points to a `u32`.
 unsafe fn sized<T: Sized32>(pointer: *const T) -> Result<usize, Failure> {
@@ -195,7 +208,7 @@ unsafe fn sized<T: Sized32>(pointer: *const T) -> Result<usize, Failure> {
     }
     // SAFETY: as the caller says.
     let size = unsafe { pointer.cast::<u32>().read_unaligned() } as usize;
-    match size >= T::FIRST {
+    match (T::FIRST..=LARGEST).contains(&size) {
         true => Ok(size),
         false => Err(Failure::argument(format!("{}.size is {size}: set it to sizeof({})", T::NAME, T::NAME))),
     }
@@ -328,10 +341,16 @@ mod tests {
     fn structs_of_older_and_newer_programs_are_read_as_far_as_they_go() {
         let read = |size| {
             let theirs = Grown { size, old: 1, new: 2 };
-            // SAFETY: there are as many bytes as the sizes below say, or fewer are read.
+            // SAFETY: there are as many bytes as the sizes below say, or none are read.
             unsafe { read(&raw const theirs) }.map(|ours| (ours.old, ours.new)).ok()
         };
-        assert_eq!([7, 8, 12, 99].map(read), [None, Some((1, 0)), Some((1, 2)), Some((1, 2))]);
+        assert_eq!([7, 8, 12, u32::MAX].map(read), [None, Some((1, 0)), Some((1, 2)), None]);
+        let newer = |unknown| {
+            let theirs = [16, 1, 2, unknown];
+            // SAFETY: there are 16 bytes.
+            unsafe { super::read(theirs.as_ptr().cast::<Grown>()) }.map(|ours| (ours.old, ours.new)).ok()
+        };
+        assert_eq!([0, 5].map(newer), [Some((1, 2)), None]);
         let mut theirs = Grown { size: 8, old: 0, new: 0 };
         // SAFETY: as many bytes are there.
         assert!(unsafe { write(&raw mut theirs, Grown { size: 12, old: 3, new: 4 }) }.is_ok());

@@ -123,7 +123,8 @@ pub unsafe extern "C" fn neubrdf_renderer_set_material(
     call(|| {
         // SAFETY: as the caller says.
         unsafe {
-            let material = read(material)?.material(format!("material {index}"))?;
+            let others = &object(renderer, "renderer")?.renderer.scene().materials;
+            let material = read(material)?.material(format!("material {index}"), others)?;
             update(renderer, &[Change::Material { index, material }])
         }
     })

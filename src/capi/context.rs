@@ -13,7 +13,10 @@ use crate::gpu::{
 pub struct NeubrdfRequirements {
     inner: Requirements,
     missing: CString,
-    additions: Additions,
+    has_ray_query: bool,
+    /// Of each merge, as structures of hosts point to them. (Boxed: they stay where they are.)
+    #[allow(clippy::vec_box)]
+    additions: Vec<Box<Additions>>,
 }
 
 /// A host's device. Nothing of it is ever destroyed, submitted to or waited for.
@@ -184,8 +187,9 @@ pub unsafe extern "C" fn neubrdf_requirements_create(
             self::requirements(&instance, physical_device)
         };
         let missing = CString::new(inner.missing.join(", ")).unwrap_or_default();
+        let has_ray_query = inner.ray_query;
         // SAFETY: as the caller says.
-        unsafe { hand_over(requirements, NeubrdfRequirements { inner, missing, additions: Additions::default() }) }
+        unsafe { hand_over(requirements, NeubrdfRequirements { inner, missing, has_ray_query, additions: Vec::new() }) }
     })
 }
 
@@ -199,7 +203,7 @@ pub unsafe extern "C" fn neubrdf_requirements_missing(requirements: *const Neubr
     unsafe { requirements.as_ref() }.map_or(c"the requirements are null".as_ptr(), |it| it.missing.as_ptr())
 }
 
-/// Not 0 if the device has ray query, which is then asked for too.
+/// Not 0 if the device has ray query, which is then asked for too, unless the last merge declined it.
 ///
 /// # Safety
 /// The object is alive, or null.
@@ -211,7 +215,8 @@ pub unsafe extern "C" fn neubrdf_requirements_has_ray_query(requirements: *const
 
 /// Adds what is needed to what the host enables anyway: extensions to the list, features to the structures of the pNext chain that
 /// hold them, and structures of our own for what no structure there holds. `wants_ray_query` of 0 declines ray query: rays then
-/// walk a BVH in a compute shader. The requirements must live until vkCreateDevice returns.
+/// walk a BVH in a compute shader. The requirements must live until vkCreateDevice returns. To ask once more, say because vkCreateDevice
+/// refused, begin with an `info`, and structures of its chain, as they were before.
 ///
 /// # Safety
 /// `info`, its chain and its names are valid; the structures of the chain may be written to.
@@ -224,10 +229,12 @@ pub unsafe extern "C" fn neubrdf_requirements_merge(
     call(|| {
         // SAFETY: as the caller says.
         let (requirements, info) = unsafe { (object(requirements, "requirements")?, object(info, "info")?) };
-        requirements.additions = Additions::default();
-        requirements.inner.ray_query &= wants_ray_query != 0;
-        // SAFETY: the additions live as long as the requirements do, which the caller keeps until the device is made.
-        *info = unsafe { requirements.inner.merge(*info, &mut requirements.additions) };
+        requirements.inner.ray_query = requirements.has_ray_query && wants_ray_query != 0;
+        requirements.additions.push(Box::default());
+        if let Some(room) = requirements.additions.last_mut() {
+            // SAFETY: the room lives as long as the requirements do, which the caller keeps until the device is made.
+            *info = unsafe { requirements.inner.merge(*info, room) };
+        }
         Ok(())
     })
 }

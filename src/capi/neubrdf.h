@@ -80,6 +80,10 @@ typedef enum NeubrdfSurface {
    * Diffuse of albedo `color` under a coat of index `ior`.
    */
   NEUBRDF_SURFACE_COATED = 3,
+  /**
+   * That of the material `surface_of`, of a file for example, with the emission, the opacity, the maps and the patches that are said here.
+   */
+  NEUBRDF_SURFACE_OF_MATERIAL = 4,
 } NeubrdfSurface;
 
 /**
@@ -467,7 +471,7 @@ typedef struct NeubrdfCamera {
 } NeubrdfCamera;
 
 /**
- * A material of a closed form. Those of files: `neubrdf_scene_add_material_file`.
+ * A material of a closed form, or with the surface of another one. Those of files: `neubrdf_scene_add_material_file`.
  */
 typedef struct NeubrdfMaterial {
   /**
@@ -541,6 +545,10 @@ typedef struct NeubrdfMaterial {
    * The index of a material without such patches.
    */
   uint32_t patch_material;
+  /**
+   * The index of the material whose surface it is, where `surface` says so.
+   */
+  uint32_t surface_of;
 } NeubrdfMaterial;
 
 /**
@@ -893,7 +901,7 @@ enum NeubrdfResult neubrdf_requirements_create(PFN_vkGetInstanceProcAddr get_ins
 const char *neubrdf_requirements_missing(const struct NeubrdfRequirements *requirements);
 
 /**
- * Not 0 if the device has ray query, which is then asked for too.
+ * Not 0 if the device has ray query, which is then asked for too, unless the last merge declined it.
  *
  * The object is alive, or null.
  */
@@ -902,7 +910,8 @@ uint32_t neubrdf_requirements_has_ray_query(const struct NeubrdfRequirements *re
 /**
  * Adds what is needed to what the host enables anyway: extensions to the list, features to the structures of the pNext chain that
  * hold them, and structures of our own for what no structure there holds. `wants_ray_query` of 0 declines ray query: rays then
- * walk a BVH in a compute shader. The requirements must live until vkCreateDevice returns.
+ * walk a BVH in a compute shader. The requirements must live until vkCreateDevice returns. To ask once more, say because vkCreateDevice
+ * refused, begin with an `info`, and structures of its chain, as they were before.
  *
  * `info`, its chain and its names are valid; the structures of the chain may be written to.
  */
@@ -999,7 +1008,7 @@ enum NeubrdfResult neubrdf_scene_place_texture(struct NeubrdfScene *scene,
                                                const float *offset);
 
 /**
- * Adds a material of a closed form.
+ * Adds a material.
  *
  * `index` is null or points to room for a number; the others are alive.
  */
@@ -1009,7 +1018,7 @@ enum NeubrdfResult neubrdf_scene_add_material(struct NeubrdfScene *scene,
 
 /**
  * Adds a material of a file: .neubrdf, .toml, MERL .binary, RGL .bsdf, NBRDF .safetensors, sparse .csv. `name` picks one of a file that holds
- * several, else it is null.
+ * several, else it is null. With maps or emission: add another one with NEUBRDF_SURFACE_OF_MATERIAL.
  *
  * `file` is a C string, `name` one or null; `index` is null or points to room for a number.
  */

@@ -76,9 +76,11 @@ pub enum NeubrdfSurface {
     Dielectric = 2,
     /// Diffuse of albedo `color` under a coat of index `ior`.
     Coated = 3,
+    /// That of the material `surface_of`, of a file for example, with the emission, the opacity, the maps and the patches that are said here.
+    OfMaterial = 4,
 }
 
-/// A material of a closed form. Those of files: `neubrdf_scene_add_material_file`.
+/// A material of a closed form, or with the surface of another one. Those of files: `neubrdf_scene_add_material_file`.
 #[repr(C)]
 #[derive(Clone, Copy)]
 pub struct NeubrdfMaterial {
@@ -119,6 +121,8 @@ pub struct NeubrdfMaterial {
     pub patch_map: u32,
     /// The index of a material without such patches.
     pub patch_material: u32,
+    /// The index of the material whose surface it is, where `surface` says so.
+    pub surface_of: u32,
 }
 
 sized_structs! { NeubrdfCamera: 52, NeubrdfMesh: 56, NeubrdfMaterial: 76 }
@@ -190,7 +194,8 @@ pub(super) unsafe fn materials(one: u32, each: *const u32, triangles: usize, nam
 }
 
 impl NeubrdfMaterial {
-    pub(super) fn material(&self, name: String) -> Result<Material, Failure> {
+    /// The material; `others` are those that are there already.
+    pub(super) fn material(&self, name: String, others: &[Material]) -> Result<Material, Failure> {
         let color = Color { value: self.color.into(), texture: self.texture.checked_sub(1) };
         let ior = if self.ior == 0.0 { 1.5 } else { self.ior };
         let surface = match self.surface {
@@ -204,6 +209,15 @@ impl NeubrdfMaterial {
             },
             2 => Surface::Dielectric { ior, alpha: self.alpha[0] },
             3 => Surface::Coated { albedo: color, ior, alpha: self.alpha[0] },
+            4 => match others.get(self.surface_of as usize) {
+                Some(other) => other.surface.clone(),
+                None => {
+                    let (index, count) = (self.surface_of, others.len());
+                    return Err(Failure::argument(format!(
+                        "NeubrdfMaterial.surface_of is {index}, of {count} materials"
+                    )));
+                }
+            },
             other => return Err(Failure::argument(format!("NeubrdfMaterial.surface is {other}: no NeubrdfSurface"))),
         };
         let opacity = Opacity { value: 1.0 - self.transparency, texture: self.opacity_texture.checked_sub(1) };
@@ -395,7 +409,7 @@ unsafe fn colors<'a>(width: u32, height: u32, texels: *const f32) -> Result<&'a 
     unsafe { array(texels.cast(), count, "texels") }
 }
 
-/// Adds a material of a closed form.
+/// Adds a material.
 ///
 /// # Safety
 /// `index` is null or points to room for a number; the others are alive.
@@ -409,7 +423,8 @@ pub unsafe extern "C" fn neubrdf_scene_add_material(
         // SAFETY: as the caller says.
         let (scene, material) = unsafe { (object(scene, "scene")?, read(material)?) };
         let added = index_of(scene.scene.materials.len())?;
-        scene.scene.materials.push(material.material(format!("material {added}"))?);
+        let material = material.material(format!("material {added}"), &scene.scene.materials)?;
+        scene.scene.materials.push(material);
         // SAFETY: as the caller says.
         unsafe { put(index, added) };
         Ok(())
@@ -417,7 +432,7 @@ pub unsafe extern "C" fn neubrdf_scene_add_material(
 }
 
 /// Adds a material of a file: .neubrdf, .toml, MERL .binary, RGL .bsdf, NBRDF .safetensors, sparse .csv. `name` picks one of a file that holds
-/// several, else it is null.
+/// several, else it is null. With maps or emission: add another one with NEUBRDF_SURFACE_OF_MATERIAL.
 ///
 /// # Safety
 /// `file` is a C string, `name` one or null; `index` is null or points to room for a number.

@@ -114,7 +114,14 @@ Engine::Engine(const char* name) {
     device_info.pNext = &features;
     device_info.queueCreateInfoCount = 1;
     device_info.pQueueCreateInfos = &queues;
+    // As if a first vkCreateDevice had refused.
+    VkPhysicalDeviceVulkan12Features refused_features = features;
+    VkDeviceCreateInfo refused = device_info;
+    refused.pNext = &refused_features;
+    CHECK(neubrdf_requirements_merge(requirements, 0, &refused));
+    if (neubrdf_requirements_has_ray_query(requirements)) std::exit(1);
     CHECK(neubrdf_requirements_merge(requirements, 1, &device_info));
+    if (refused.pNext != &refused_features || refused.enabledExtensionCount > device_info.enabledExtensionCount) std::exit(1);
     CHECK(vkCreateDevice(physical, &device_info, nullptr, &device));
     neubrdf_requirements_destroy(requirements);
 
@@ -337,6 +344,10 @@ static void change(NeubrdfRenderer* renderer, const Square& square, bool on_devi
     floor.texture = 1;
     CHECK(neubrdf_renderer_set_material(renderer, 0, &floor));
     CHECK(neubrdf_renderer_set_material_file(renderer, 1, file, nullptr));
+    // The same once more, as an engine says it that adds maps to it.
+    NeubrdfMaterial other = material_of(NEUBRDF_SURFACE_OF_MATERIAL, 0.0f, 0.0f);
+    other.surface_of = 1;
+    CHECK(neubrdf_renderer_set_material(renderer, 1, &other));
     const float sky[] = {0.25f, 0.5f, 0.75f};
     CHECK(neubrdf_renderer_set_environment(renderer, 1, 1, sky, 0));
     const float towards[] = {0, 1, 0}, irradiance[] = {1, 2, 1};

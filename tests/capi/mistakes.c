@@ -39,6 +39,13 @@ static void scenes(const char *file) {
     material.size = sizeof material;
     material.surface = 99;
     EXPECT(neubrdf_scene_add_material(scene, &material, NULL), NEUBRDF_RESULT_INVALID_ARGUMENT, "surface is 99");
+    material.surface = NEUBRDF_SURFACE_OF_MATERIAL;
+    EXPECT(neubrdf_scene_add_material(scene, &material, NULL), NEUBRDF_RESULT_INVALID_ARGUMENT, "surface_of is 0, of 0");
+    struct { NeubrdfMaterial known; uint32_t unknown; } newer;
+    memset(&newer, 0, sizeof newer);
+    newer.known.size = sizeof newer;
+    newer.unknown = 1;
+    EXPECT(neubrdf_scene_add_material(scene, &newer.known, NULL), NEUBRDF_RESULT_INVALID_ARGUMENT, "newer library");
     material.surface = NEUBRDF_SURFACE_DIFFUSE;
     uint32_t index = 9;
     EXPECT(neubrdf_scene_add_material(scene, &material, &index), NEUBRDF_RESULT_OK, "");
