@@ -216,6 +216,17 @@ fn a_restarted_renderer_is_a_new_one() {
 
 /// Without light samples there is no kernel that traces shadows; a sun would never be found.
 #[test]
+fn paths_of_no_or_too_many_segments_are_refused() {
+    let Some(driver) = driver(LAVAPIPE) else { return };
+    for max_depth in [0, u32::MAX] {
+        let settings = Settings { max_depth, ..settings() };
+        let error = Renderer::new(&driver.device, &still_life(diffuse(0.5)), &settings, &bvh()).err().unwrap();
+        assert!(error.to_string().contains("max depth"), "{error}");
+    }
+    driver.finish();
+}
+
+#[test]
 fn light_sampling_can_be_left_out_but_not_with_a_sun() {
     let Some(driver) = driver(LAVAPIPE) else { return };
     let mut scene = still_life(diffuse(0.5));

@@ -51,11 +51,7 @@ uint pack_bytes(vec3 color) {
     return bytes.r | bytes.g << 8 | bytes.b << 16 | 255u << 24;
 }
 
-void main() {
-    uint index = gl_GlobalInvocationID.x;
-    if (index >= pixel_count) {
-        return;
-    }
+void develop(uint index) {
     vec4 color = value(index);
     if (format == FORMAT_RGBA32F) {
         uvec4 words = floatBitsToUint(color);
@@ -68,5 +64,12 @@ void main() {
         packed_pixels.at[2u * index + 1u] = packHalf2x16(half_range.ba);
     } else {
         packed_pixels.at[index] = pack_bytes(encode_srgb(neutral(color.rgb * exp2(exposure))));
+    }
+}
+
+void main() {
+    uint step = gl_NumWorkGroups.x * gl_WorkGroupSize.x;
+    for (uint index = gl_GlobalInvocationID.x; index < pixel_count; index += step) {
+        develop(index);
     }
 }

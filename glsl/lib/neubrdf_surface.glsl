@@ -44,6 +44,9 @@ void neubrdf_add_texels(NeuBrdfTable table, uint surface, uint level, float shar
     ivec2 high = low + 1;
     low += ivec2(lessThan(low, ivec2(0))) * size;
     high -= ivec2(greaterThanEqual(high, size)) * size;
+    // Coordinates that are no numbers end at some texel, too.
+    low = clamp(low, ivec2(0), size - 1);
+    high = clamp(high, ivec2(0), size - 1);
     uvec4 points = first + uvec4(low.y * size.x + low.x, low.y * size.x + high.x, high.y * size.x + low.x, high.y * size.x + high.x);
     vec4 weights = share * vec4((1.0 - across.x) * (1.0 - across.y), across.x * (1.0 - across.y), (1.0 - across.x) * across.y, across.x * across.y);
     uint codes = neubrdf_first(neubrdf_word(table, 4u * surface + 3u));
@@ -76,7 +79,7 @@ void neubrdf_surface_features(NeuBrdfTable table, uint surface, NeuBrdfPlace pla
     vec2 size = vec2(neubrdf_word(table, 4u * surface), neubrdf_word(table, 4u * surface + 1u));
     uint last = neubrdf_word(table, 4u * surface + 2u) - 1u;
     float level = min(0.5 * log2(clamp(place.area * size.x * size.y, 1.0, 1e12)), float(last));
-    uint fine = uint(level);
+    uint fine = min(uint(level), last);
     float blend = level - float(fine);
     neubrdf_add_texels(table, surface, fine, 1.0 - blend, place.uv, x, frame);
     neubrdf_add_texels(table, surface, min(fine + 1u, last), blend, place.uv, x, frame);

@@ -70,6 +70,9 @@ Surface surface_at(SceneTable scene, Hit hit, vec3 origin, vec3 direction, bool 
     }
     float t, u, v;
     intersect_triangle(object_origin, object_direction, 0.0, INFINITY, v0, v1, v2, t, u, v);
+    // A triangle seen edge on that a traversal hits may be missed here, where numbers are rounded otherwise: the point stays on it, and is one.
+    u = u >= 0.0 ? min(u, 1.0) : 0.0;
+    v = v >= 0.0 ? min(v, 1.0 - u) : 0.0;
     float w = 1.0 - u - v;
 
     Surface surface;

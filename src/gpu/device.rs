@@ -152,21 +152,18 @@ impl Device {
         let queues = [vk::DeviceQueueCreateInfo::default()
             .queue_family_index(report.queue_family)
             .queue_priorities(&priorities)];
-        let mut features16 =
-            vk::PhysicalDevice16BitStorageFeatures::default().storage_buffer16_bit_access(report.float16);
         let mut features12 = vk::PhysicalDeviceVulkan12Features::default()
             .buffer_device_address(true)
             .scalar_block_layout(true)
-            .timeline_semaphore(true)
-            .shader_float16(report.float16);
+            .timeline_semaphore(true);
         let mut acceleration =
             vk::PhysicalDeviceAccelerationStructureFeaturesKHR::default().acceleration_structure(true);
         let mut ray_query = vk::PhysicalDeviceRayQueryFeaturesKHR::default().ray_query(true);
         let mut extensions = Vec::new();
-        let mut info = vk::DeviceCreateInfo::default()
-            .queue_create_infos(&queues)
-            .push_next(&mut features12)
-            .push_next(&mut features16);
+        let mut info = vk::DeviceCreateInfo::default().queue_create_infos(&queues).push_next(&mut features12);
+        if report.is_portability_subset {
+            extensions.push(khr::portability_subset::NAME.as_ptr());
+        }
         if report.ray_query {
             extensions.extend(profile::RAY_QUERY_EXTENSIONS.map(|name| name.as_ptr()));
             info = info.push_next(&mut acceleration).push_next(&mut ray_query);
@@ -195,11 +192,10 @@ impl Device {
         let HostDevice { entry, instance, physical_device, device: raw, .. } = host;
         // SAFETY: the instance outlives the result, as the caller says.
         let instance = unsafe { Instance::from_raw(entry, instance, host.debug_utils) };
-        let mut report = profile::report(&instance.raw, 0, physical_device);
+        let mut report = profile::report(&instance.raw, 0, physical_device, Some(host.queue_family));
         if !report.missing.is_empty() {
             return Err(Error::Unfit { device: report.name, missing: report.missing });
         }
-        report.queue_family = host.queue_family;
         report.ray_query &= host.ray_query;
         let cache = match host.pipeline_cache == vk::PipelineCache::null() {
             true => PipelineCache::in_memory(&raw),

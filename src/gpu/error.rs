@@ -51,7 +51,7 @@ pub enum Error {
     },
     /// No memory is left, on the device or on the host.
     #[error(
-        "out of memory: {bytes} bytes for {what} on {device}; use a smaller scene or picture, fewer paths in flight, or another device"
+        "out of memory: {bytes} bytes for {what} on {device}; use a smaller scene or picture (or render it in crops), fewer paths in flight, or another device"
     )]
     OutOfMemory {
         /// The buffer, kernel or call that wanted it.
@@ -62,7 +62,9 @@ pub enum Error {
         device: String,
     },
     /// A buffer is larger than the device allows any to be.
-    #[error("buffer {buffer} of {bytes} bytes: {device} allows {most}; use a smaller scene or fewer paths in flight")]
+    #[error(
+        "buffer {buffer} of {bytes} bytes: {device} allows {most}; use a smaller scene or picture (or render it in crops), or fewer paths in flight"
+    )]
     BufferTooLarge {
         /// The buffer's name.
         buffer: String,

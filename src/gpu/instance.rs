@@ -3,7 +3,7 @@
 use std::ffi::{CStr, c_void};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-use ash::{ext, vk};
+use ash::{ext, khr, vk};
 
 use super::device::Device;
 use super::error::{Error, Result};
@@ -93,6 +93,11 @@ impl Instance {
         let mut layer_names = Vec::new();
         let mut extension_names = Vec::new();
         let mut info = vk::InstanceCreateInfo::default().application_info(&application);
+        // Without it loaders keep quiet about Vulkan over another interface (MoltenVK).
+        if has(khr::portability_enumeration::NAME) {
+            extension_names.push(khr::portability_enumeration::NAME.as_ptr());
+            info = info.flags(vk::InstanceCreateFlags::ENUMERATE_PORTABILITY_KHR);
+        }
         if debug_utils {
             extension_names.push(ext::debug_utils::NAME.as_ptr());
         }
@@ -145,7 +150,7 @@ impl Instance {
     /// A failing driver. No device at all is an empty list.
     pub fn devices(&self) -> Result<Vec<DeviceReport>> {
         let physical = self.physical_devices()?;
-        Ok(physical.iter().enumerate().map(|(index, p)| profile::report(&self.raw, index, *p)).collect())
+        Ok(physical.iter().enumerate().map(|(index, p)| profile::report(&self.raw, index, *p, None)).collect())
     }
 
     /// Opens a device.

@@ -135,6 +135,12 @@ impl Kernel {
     pub fn groups_for(&self, invocations: u32) -> [u32; 3] {
         [invocations.div_ceil(self.local_size[0]), 1, 1]
     }
+
+    /// The same where each invocation goes on by as many steps as there are invocations: no more than every device allows, which fill
+    /// every one.
+    pub fn strided_groups_for(&self, invocations: u32) -> [u32; 3] {
+        self.groups_for(invocations).map(|groups| groups.min(1 << 15))
+    }
 }
 
 impl Drop for Kernel {

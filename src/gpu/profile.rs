@@ -62,13 +62,13 @@ pub struct DeviceReport {
     pub kind: &'static str,
     /// It has `VK_KHR_ray_query` over `VK_KHR_acceleration_structure`.
     pub ray_query: bool,
-    /// It computes in f16 and loads it from buffers (`shaderFloat16`, `storageBuffer16BitAccess`).
-    pub float16: bool,
     /// What makes it unfit, by Vulkan's names; empty for a fit device.
     pub missing: Vec<String>,
     /// Its limits.
     pub limits: Limits,
     pub(super) queue_family: u32,
+    /// It is Vulkan over another interface (MoltenVK), and must be asked for as such.
+    pub(super) is_portability_subset: bool,
 }
 
 impl DeviceReport {
@@ -117,7 +117,13 @@ fn extensions(instance: &ash::Instance, physical: vk::PhysicalDevice) -> BTreeSe
 pub(super) const RAY_QUERY_EXTENSIONS: [&CStr; 3] =
     [khr::acceleration_structure::NAME, khr::ray_query::NAME, khr::deferred_host_operations::NAME];
 
-pub(super) fn report(instance: &ash::Instance, index: usize, physical: vk::PhysicalDevice) -> DeviceReport {
+/// Looks at a device; `queue_family` is a host's, `None` picks one.
+pub(super) fn report(
+    instance: &ash::Instance,
+    index: usize,
+    physical: vk::PhysicalDevice,
+    queue_family: Option<u32>,
+) -> DeviceReport {
     let extensions = extensions(instance, physical);
     let has_extension = |name: &CStr| extensions.contains(&*name.to_string_lossy());
     // SAFETY: the physical device is of this instance, for this and all queries below.
@@ -130,14 +136,13 @@ pub(super) fn report(instance: &ash::Instance, index: usize, physical: vk::Physi
     let mut maintenance3 = vk::PhysicalDeviceMaintenance3Properties::default();
     let mut acceleration = vk::PhysicalDeviceAccelerationStructurePropertiesKHR::default();
     let mut properties = vk::PhysicalDeviceProperties2::default();
-    let mut features16 = vk::PhysicalDevice16BitStorageFeatures::default();
     let mut features12 = vk::PhysicalDeviceVulkan12Features::default();
     let mut acceleration_features = vk::PhysicalDeviceAccelerationStructureFeaturesKHR::default();
     let mut ray_query_features = vk::PhysicalDeviceRayQueryFeaturesKHR::default();
     let mut features = vk::PhysicalDeviceFeatures2::default();
     if is_1_2 {
         properties = properties.push_next(&mut driver).push_next(&mut subgroup).push_next(&mut maintenance3);
-        features = features.push_next(&mut features12).push_next(&mut features16);
+        features = features.push_next(&mut features12);
     }
     if ray_extensions {
         properties = properties.push_next(&mut acceleration);
@@ -155,8 +160,9 @@ pub(super) fn report(instance: &ash::Instance, index: usize, physical: vk::Physi
         )
     };
 
-    let queue_family = compute_family(&families);
-    let timestamp_valid_bits = queue_family.map_or(0, |family| families[family as usize].timestamp_valid_bits);
+    let queue_family = queue_family.or_else(|| compute_family(&families));
+    let family = queue_family.and_then(|family| families.get(family as usize));
+    let timestamp_valid_bits = family.map_or(0, |family| family.timestamp_valid_bits);
     let limits = &basic.limits;
     let heaps = memory.memory_heaps_as_slice().iter();
     let limits = Limits {
@@ -193,8 +199,18 @@ pub(super) fn report(instance: &ash::Instance, index: usize, physical: vk::Physi
             missing.push(format!("feature {name}"));
         }
     }
-    if queue_family.is_none() {
+    if !family.is_some_and(|family| family.queue_flags.contains(vk::QueueFlags::COMPUTE)) {
         missing.push("a queue family with VK_QUEUE_COMPUTE_BIT".to_string());
+    }
+    if is_1_2 && !subgroup.supported_stages.contains(vk::ShaderStageFlags::COMPUTE) {
+        missing.push("subgroup operations in compute shaders".to_string());
+    }
+    for (name, operations) in
+        [("ballot", vk::SubgroupFeatureFlags::BALLOT), ("shuffle", vk::SubgroupFeatureFlags::SHUFFLE)]
+    {
+        if is_1_2 && !subgroup.supported_operations.contains(operations) {
+            missing.push(format!("subgroup operations of the kind {name}"));
+        }
     }
     for (name, found, needed) in [
         ("maxPushConstantsSize", limits.max_push_constants_size, PUSH_CONSTANT_BYTES),
@@ -225,10 +241,10 @@ pub(super) fn report(instance: &ash::Instance, index: usize, physical: vk::Physi
             _ => "other",
         },
         ray_query: acceleration_features.acceleration_structure == vk::TRUE && ray_query_features.ray_query == vk::TRUE,
-        float16: features12.shader_float16 == vk::TRUE && features16.storage_buffer16_bit_access == vk::TRUE,
         missing,
         limits,
         queue_family: queue_family.unwrap_or(0),
+        is_portability_subset: has_extension(khr::portability_subset::NAME),
     }
 }
 

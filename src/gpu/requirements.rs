@@ -35,7 +35,7 @@ pub struct Additions {
 /// # Safety
 /// `physical` is of `instance`, which was made for Vulkan 1.2 or later.
 pub unsafe fn requirements(instance: &ash::Instance, physical: vk::PhysicalDevice) -> Requirements {
-    let report = profile::report(instance, 0, physical);
+    let report = profile::report(instance, 0, physical, None);
     Requirements { device: report.name, missing: report.missing, ray_query: report.ray_query }
 }
 

@@ -408,7 +408,7 @@ impl Renderer {
         };
         // The target before has been copied.
         commands.barrier();
-        commands.dispatch(&self.develop, self.develop.groups_for(pixel_count), &push);
+        commands.dispatch(&self.develop, self.develop.strided_groups_for(pixel_count), &push);
         commands.barrier();
         let bytes = target.format.bytes();
         match &target.place {

@@ -29,9 +29,6 @@ crate::shared_structs! {
 
 /// Of a source: its words, and the threads' steps beyond them, count in 32 bits.
 const MOST_BYTES: u64 = 8 << 30;
-/// Workgroups that every device allows, and that fill every one.
-const MOST_GROUPS: u32 = 1 << 15;
-
 /// The kernel, built when a host's mesh first asks for it.
 #[derive(Default)]
 pub(super) struct Gatherer {
@@ -119,7 +116,6 @@ impl Gatherer {
                 self.kernel.get_or_init(|| kernel).clone()
             }
         };
-        let [groups, ..] = kernel.groups_for(pass.count);
-        Ok(upload.dispatch(&kernel, [groups.min(MOST_GROUPS), 1, 1], &pass, target)?)
+        Ok(upload.dispatch(&kernel, kernel.strided_groups_for(pass.count), &pass, target)?)
     }
 }

@@ -48,8 +48,9 @@ impl PathTracer {
     ) -> Result<PathTracer, Error> {
         let device = upload.device().clone();
         let crop = crop_of(scene, settings)?;
-        if settings.max_depth == 0 {
-            return Err(Error::Setting { name: "max depth", found: "0".into(), expected: "at least 1" });
+        if !(1..=Settings::DEEPEST).contains(&settings.max_depth) {
+            let found = settings.max_depth.to_string();
+            return Err(Error::Setting { name: "max depth", found, expected: "from 1 to 65535" });
         }
         if let Some(limit) = settings.clamp_indirect
             && !(limit.is_finite() && limit > 0.0)
@@ -274,7 +275,6 @@ impl PathTracer {
             }
             if scatters && self.features.samples_lights() && self.settings.light_sampling {
                 commands.barrier();
-                // The next bounce's rays are traced beside these: neither writes what the other reads.
                 self.dispatch_queue(commands, self.kernels.trace_shadow(), Queue::Shadow, &pass);
             }
         }
@@ -333,6 +333,13 @@ pub struct Batch {
     pixels: u32,
     first_sample: u32,
     samples: u32,
+}
+
+impl Batch {
+    /// Paths that it starts.
+    pub fn paths(&self) -> u64 {
+        u64::from(self.pixels) * u64::from(self.samples)
+    }
 }
 
 /// Cuts `samples` samples of each pixel into batches of at most `capacity` paths, samples of a pixel side by side.

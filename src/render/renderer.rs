@@ -24,6 +24,9 @@ pub struct Options {
 /// Dispatches of one submission, about: a few thousand keep the device busy and a command buffer small.
 const SUBMISSION_DISPATCHES: u32 = 4096;
 
+/// Paths of one submission, about: systems end a device's work that takes more than two seconds.
+const SUBMISSION_PATHS: u64 = 1 << 22;
+
 /// A progressive render of one scene on one device.
 pub struct Renderer {
     tracer: PathTracer,
@@ -151,8 +154,9 @@ impl Renderer {
         record: impl Fn(&mut Commands, &Batch),
     ) -> Result<KernelTimes, Error> {
         let mut times = KernelTimes::new();
-        let per_submission =
-            (SUBMISSION_DISPATCHES / self.tracer.settings().max_depth.saturating_mul(8)).max(1) as usize;
+        let most_paths = batches.iter().map(Batch::paths).max().unwrap_or(1).max(1);
+        let by_dispatches = u64::from(SUBMISSION_DISPATCHES / self.tracer.settings().max_depth.saturating_mul(8));
+        let per_submission = by_dispatches.min(SUBMISSION_PATHS / most_paths).max(1) as usize;
         let mut in_flight = None;
         for group in batches.chunks(per_submission) {
             let mut commands = Commands::begin(self.device())?;

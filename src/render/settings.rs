@@ -68,6 +68,8 @@ pub struct Settings {
 impl Settings {
     /// [`Settings::roulette_after`] if nothing is said.
     pub const ROULETTE_AFTER: u32 = 3;
+    /// The largest [`Settings::max_depth`].
+    pub const DEEPEST: u32 = 65_535;
 }
 
 impl Default for Settings {

@@ -5,6 +5,8 @@ use neubrdf::gpu::HostImage;
 use neubrdf::image::{Samples, plane, tone_map};
 use neubrdf::plugin::{Channel, Frame, Options, PixelFormat, Renderer, Target};
 use neubrdf::render::{self};
+use neubrdf::scene::glam::Vec3;
+use neubrdf::scene::{Environment, Film};
 
 use crate::common;
 use crate::frames::{Bits, bits, expected, options_of, renderer, scene};
@@ -127,5 +129,35 @@ fn feature_channels_are_those_of_the_path_tracer_on_its_own() {
         let Some(Samples::F32(depths)) = depths else { panic!("no depth") };
         assert!(depth.iter().map(|pixel| pixel[0]).eq(depths.iter().map(|depth| depth.to_bits())));
         buffers.into_iter().for_each(|buffer| host.free_buffer(buffer));
+    });
+}
+
+/// More pixels than a dispatch of one thread each may have on many devices (65,535 workgroups).
+#[test]
+fn a_large_film_is_developed_to_its_last_pixel() {
+    in_lavapipe_hosts(|host| {
+        let device = host.lend();
+        let mut options = options_of(host);
+        options.settings.max_depth = 1;
+        options.pool_paths = None;
+        let mut scene = scene();
+        scene.film = Film { width: 2200, height: 2000 };
+        scene.environment = Some(Environment::constant(Vec3::ONE));
+        // Nothing but sky.
+        scene.camera.target = 2.0 * scene.camera.eye - scene.camera.target;
+        let mut renderer = Renderer::new(&device, scene, &options).unwrap();
+        let buffer = host.buffer(2200 * 2000 * 4);
+        let recording = host.begin();
+        let mut commands = host.wrap(&device, &recording);
+        let targets = [Target::buffer(buffer.target(), PixelFormat::Rgba8)];
+        renderer.record(&mut commands, &Frame { samples: 1, targets: &targets, estimates_error: false }).unwrap();
+        commands.finish().unwrap();
+        host.to_host(&recording);
+        host.submit(&recording);
+        host.wait(recording);
+        let pixels = buffer.read();
+        let first = &pixels[..4];
+        assert!(first[0] > 200 && pixels.chunks(4).all(|pixel| pixel == first), "{first:?}");
+        host.free_buffer(buffer);
     });
 }

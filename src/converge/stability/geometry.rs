@@ -82,6 +82,12 @@ pub fn cases() -> Vec<Case> {
             trial: Trial::new(still_life(1e5)),
         },
         Case {
+            name: "a scene of 10⁷",
+            why: "ten kilometres in millimetres: the squared area of its lamp times a squared distance is no f32",
+            is_known_limit: false,
+            trial: Trial::new(still_life(1e7)),
+        },
+        Case {
             name: "10⁴ from the origin",
             why: "positions are to 10⁻³ only, a thousandth of the scene",
             is_known_limit: false,
