@@ -332,6 +332,7 @@ mod studies {
     use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
     use neubrdf::converge::study::{Axes, Error, Event, Plan, ScenePlan, run};
+    use neubrdf::image::{Metadata, plane, read_exr, write_exr};
 
     use super::*;
 
@@ -412,8 +413,33 @@ mod studies {
         let other = Plan { max_depth: 4, ..small.clone() };
         let error = run(&other, &output, &cache, true, &|_| {}, &never).unwrap_err().to_string();
         assert!(error.contains("depth 3") && error.contains("this study has 4"), "{error}");
-        let other = Plan { size: Some([8, 8]), ..small };
+        let other = Plan { size: Some([8, 8]), ..small.clone() };
         assert!(run(&other, &output, &cache, true, &|_| {}, &never).unwrap_err().to_string().contains("scenes"));
+        let (truth, another) = (output.join("pictures/cornell/reference.exr"), directory.path().join("another.exr"));
+        let mut picture = read_exr(truth).unwrap().0;
+        let brighter =
+            picture.rgb(plane::BEAUTY).unwrap().iter().map(|pixel| pixel.map(|x| x + 1.0)).collect::<Vec<_>>();
+        picture.set_rgb(plane::BEAUTY, &brighter);
+        write_exr(&another, &picture, &Metadata::default()).unwrap();
+        let mut other = small;
+        other.scenes[0].reference = Some(another);
+        let error = run(&other, &output, &cache, true, &|_| {}, &never).unwrap_err().to_string();
+        assert!(error.contains("reference Embree") && error.contains("another.exr"), "{error}");
+    }
+
+    /// Nothing has to be rendered again for them.
+    #[test]
+    fn a_resumed_study_answers_for_other_targets_and_another_clock() {
+        let directory = tempfile::tempdir().unwrap();
+        let (output, cache) = (directory.path().join("study"), directory.path().join("cache"));
+        let never = AtomicBool::new(false);
+        let small = Plan { ladder: vec![1], repetitions: 1, ..plan(&["embree"]) };
+        let first = run(&small, &output, &cache, false, &|_| {}, &never).unwrap();
+        let asked = Plan { targets: vec![0.5], clock: Clock::Cpu, ..small };
+        let second = run(&asked, &output, &cache, true, &|_| {}, &never).unwrap();
+        assert_eq!((second.question.targets.as_slice(), second.question.clock), (&[0.5][..], Clock::Cpu));
+        assert!(second.scenes == first.scenes, "the records differ");
+        assert!(Record::read(&output.join("study.json")).unwrap() == second, "the file differs");
     }
 
     #[test]

@@ -7,7 +7,7 @@ use super::engine::{Devices, Engine, Rendered};
 use super::environment::Environment;
 use super::error::Error;
 use super::gram::Gram;
-use super::ground_truth::{GroundTruth, weights};
+use super::ground_truth::{AboutTruth, GroundTruth, weights};
 use super::method::Method;
 use super::plan::{Plan, ScenePlan};
 use super::record::{BiasTest, MethodRecord, Products, Question, Record, Run, SceneRecord};
@@ -74,6 +74,7 @@ pub fn run(
         (false, _) => Record::new(Environment::here(), question(plan)),
     };
     check_question(&record, plan, &scenes, &file)?;
+    record.question = question(plan);
     std::fs::create_dir_all(directory).map_err(|source| Error::Io { path: directory.to_owned(), source })?;
 
     let mut truths = Vec::new();
@@ -83,6 +84,7 @@ pub fn run(
             None => return Err(Error::Interrupted),
         }
     }
+    check_references(&record, &truths, &file)?;
     if record.scenes.is_empty() {
         record.scenes = scenes.iter().zip(&truths).map(|(loaded, truths)| blank(loaded, plan, truths)).collect();
     }
@@ -149,6 +151,19 @@ fn check_question(record: &Record, plan: &Plan, scenes: &[Loaded], file: &Path) 
             record.scenes.iter().map(of_record).collect::<Vec<_>>().join(", "),
             scenes.iter().map(of_plan).collect::<Vec<_>>().join(", "),
         )?;
+    }
+    Ok(())
+}
+
+/// Refuses to go on against another picture; where the file lies today does not matter.
+fn check_references(record: &Record, truths: &[Truths], file: &Path) -> Result<(), Error> {
+    for (scene, truths) in record.scenes.iter().zip(truths) {
+        let (found, expected) = (&scene.truth, &truths.scene.about);
+        if (AboutTruth { origin: expected.origin.clone(), ..found.clone() }) != *expected {
+            let words = |truth: &AboutTruth| format!("{} (mean {}, noise {:e})", truth.origin, truth.mean, truth.mse);
+            let (path, name) = (file.to_owned(), "the reference");
+            return Err(Error::Mismatch { path, name, found: words(found), expected: words(expected) });
+        }
     }
     Ok(())
 }
