@@ -76,7 +76,7 @@ fn metrics_of_flat_pictures_are_their_formulas() {
 #[test]
 fn equal_pictures_have_no_error() {
     let picture = noisy(1, 16, 4, 1.0, EXPONENTIAL);
-    let comparison = Comparison::of(&picture, &picture, 0.0, ZTestOptions::default()).unwrap();
+    let comparison = Comparison::of(&picture, &picture, 0.0).unwrap();
     assert_eq!(comparison.metrics.mse, 0.0);
     assert_eq!(comparison.metrics.relative_bias, 0.0);
     assert!(comparison.metrics.flip < 1e-6);
@@ -92,7 +92,7 @@ fn a_nan_is_counted_and_rejected() {
     let mut beauty = damaged.rgb(plane::BEAUTY).unwrap();
     beauty[37][1] = f32::NAN;
     damaged.set_rgb(plane::BEAUTY, &beauty);
-    let comparison = Comparison::of(&damaged, &reference, 0.0, ZTestOptions::default()).unwrap();
+    let comparison = Comparison::of(&damaged, &reference, 0.0).unwrap();
     assert_eq!(comparison.metrics.non_finite_pixels, 1);
     assert!(comparison.metrics.mse.is_nan() && comparison.metrics.max_difference.is_nan());
     assert!(comparison.z_test.as_ref().unwrap().rejects(1e-9));
@@ -102,7 +102,7 @@ fn a_nan_is_counted_and_rejected() {
 #[test]
 fn pictures_that_cannot_be_compared_say_why() {
     let options = ZTestOptions::default();
-    let wrong_size = Comparison::of(&flat(3, 4, [0.0; 3]), &flat(4, 4, [0.0; 3]), 0.0, options).unwrap_err();
+    let wrong_size = Comparison::of(&flat(3, 4, [0.0; 3]), &flat(4, 4, [0.0; 3]), 0.0).unwrap_err();
     assert!(wrong_size.to_string().contains("3×4"), "{wrong_size}");
     assert!(matches!(
         Metrics::of(&Picture::new(0, 0), &Picture::new(0, 0), 0.0),
@@ -114,6 +114,8 @@ fn pictures_that_cannot_be_compared_say_why() {
     assert!(no_variance.to_string().contains("variance.R"), "{no_variance}");
     let single = noisy(1, 4, 1, 1.0, EXPONENTIAL);
     assert!(matches!(ZTest::of(&single, &single, options), Err(Error::TooFewSamples { .. })));
+    let untested = Comparison::of(&single, &single, 0.0).unwrap();
+    assert!(untested.z_test.is_none() && untested.metrics.mse == 0.0 && untested.to_string().contains("two samples"));
 }
 
 /// p < 5 % should happen in at most 5 % of equal pairs; what is found may exceed that by the noise of 200 trials.
@@ -150,6 +152,8 @@ fn blocks_grow_until_rare_contributions_are_normal() {
             *rejected += usize::from(ZTest::of(&image, &reference, options).unwrap().rejects(0.01));
         }
     }
+    let comparison = Comparison::of(&noisy(1, 32, 4, 1.0, RARE), &noisy(2, 32, 256, 1.0, EXPONENTIAL), 0.0).unwrap();
+    assert!(comparison.z_test.unwrap().block > 4);
     println!("rare contributions at 1 %: {rejected:?} of {trials} rejected with small and with grown blocks");
     assert!(rejected[0] > 20 && rejected[1] <= 5, "{rejected:?}");
     let calm = [noisy(1, 32, 64, 1.0, EXPONENTIAL), noisy(2, 32, 64, 1.0, EXPONENTIAL)];
@@ -214,7 +218,7 @@ fn a_disagreement_leaves_its_evidence() {
 #[test]
 fn a_comparison_reads_as_text_json_and_pictures() {
     let (a, b) = (noisy(1, 16, 16, 1.0, EXPONENTIAL), noisy(2, 16, 16, 1.0, EXPONENTIAL));
-    let comparison = Comparison::of(&a, &b, 0.0, ZTestOptions::default()).unwrap();
+    let comparison = Comparison::of(&a, &b, 0.0).unwrap();
     let text = comparison.to_string();
     assert!(["MSE", "relMSE", "FLIP", "z-test"].iter().all(|word| text.contains(word)), "{text}");
     let json = comparison.to_json();

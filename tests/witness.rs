@@ -6,7 +6,7 @@ mod common;
 use common::*;
 use glam::{Affine3A, Quat, Vec2, Vec3};
 use neubrdf::converge::study::average;
-use neubrdf::converge::{Mitsuba, MitsubaError, ZTest, ZTestOptions, export_mitsuba};
+use neubrdf::converge::{Mitsuba, MitsubaError, ZTest, export_mitsuba};
 use neubrdf::render::{Options, Sampler, Settings};
 use neubrdf::scene::{Environment, Film, Fresnel, Instance, Lens, Scene, Sun, Surface};
 
@@ -55,8 +55,7 @@ fn mitsuba_renders_what_we_render() {
         let settings =
             Settings { max_depth: MAX_DEPTH, seed: 3, sampler: Sampler::Pcg, features: false, ..Settings::default() };
         let picture = render(&driver.device, &scene, &settings, &Options::default(), 512);
-        let options = ZTestOptions::for_noise(&picture, &witness).unwrap();
-        let test = ZTest::of(&picture, &witness, options).unwrap();
+        let test = ZTest::for_noise(&picture, &witness).unwrap();
         println!(
             "{name} beside {}: p = {:.3}, z of the mean {:?}, z rms {:.3}",
             mitsuba.name(),

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use anyhow::{Result, bail};
-use neubrdf::converge::{Comparison, ZTestOptions, difference, write_difference_png};
+use neubrdf::converge::{Comparison, difference, write_difference_png};
 use neubrdf::image::{Metadata, read_exr, write_exr};
 
 /// Say how two pictures differ. Exit status 3 if a threshold is exceeded.
@@ -44,7 +44,7 @@ const EXCEEDED: u8 = 3;
 pub fn run(arguments: Arguments) -> Result<ExitCode> {
     let (picture, _) = read_exr(&arguments.picture)?;
     let (reference, _) = read_exr(&arguments.reference)?;
-    let comparison = Comparison::of(&picture, &reference, arguments.exposure, ZTestOptions::default())?;
+    let comparison = Comparison::of(&picture, &reference, arguments.exposure)?;
     if arguments.json {
         tell!("{:#}", comparison.to_json())?;
     } else {
@@ -72,7 +72,7 @@ pub fn run(arguments: Arguments) -> Result<ExitCode> {
     }
     if let Some(least) = arguments.min_p {
         let Some(test) = &comparison.z_test else {
-            bail!("--min-p needs the variance and sample counts of both pictures");
+            bail!("--min-p needs variance and sample counts of both pictures, and two samples a pixel of one");
         };
         if test.p < least || test.p.is_nan() {
             eprintln!("the z-test's p is {:.3e}, below {least:e}", test.p);

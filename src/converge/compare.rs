@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use serde::Serialize;
 
 use super::metrics::beauties;
-use super::{Error, Metrics, ZTest, ZTestOptions};
+use super::{Error, Metrics, ZTest};
 use crate::image::{self, Metadata, Picture, plane};
 
 /// All that can be said about two pictures.
@@ -18,25 +18,20 @@ pub struct Comparison {
     pub height: u32,
     /// How far apart they are.
     pub metrics: Metrics,
-    /// Whether that is chance; `None` where a picture has no variance or no sample counts.
+    /// Whether that is chance; `None` where a picture has no variance or no sample counts, or both have but one sample.
     pub z_test: Option<ZTest>,
 }
 
 impl Comparison {
-    /// Compares; `flip_exposure` in stops.
-    pub fn of(
-        image: &Picture,
-        reference: &Picture,
-        flip_exposure: f32,
-        options: ZTestOptions,
-    ) -> Result<Comparison, Error> {
+    /// Compares, by blocks that suit the noise; `flip_exposure` in stops.
+    pub fn of(image: &Picture, reference: &Picture, flip_exposure: f32) -> Result<Comparison, Error> {
         Ok(Comparison {
             width: image.width,
             height: image.height,
             metrics: Metrics::of(image, reference, flip_exposure)?,
-            z_test: match ZTest::of(image, reference, options) {
+            z_test: match ZTest::for_noise(image, reference) {
                 Ok(test) => Some(test),
-                Err(Error::MissingPlane { .. }) => None,
+                Err(Error::MissingPlane { .. } | Error::TooFewSamples { .. }) => None,
                 Err(error) => return Err(error),
             },
         })
@@ -64,7 +59,10 @@ impl fmt::Display for Comparison {
             write!(out, "\nNaN or infinite   {} pixels", metrics.non_finite_pixels)?;
         }
         match &self.z_test {
-            None => write!(out, "\nz-test            none: it needs variance and sample counts of both pictures"),
+            None => write!(
+                out,
+                "\nz-test            none: it needs variance and sample counts of both pictures, and two samples a pixel of one"
+            ),
             Some(test) => {
                 let [x, y] = test.worst_pixel;
                 let [red, green, blue] = test.z_mean;
@@ -155,12 +153,10 @@ pub fn write_evidence(
 }
 
 /// The z-test as a statement: `Ok` unless it rejects at `significance`, and then [`Error::Different`] with the
-/// [evidence](write_evidence) on disk. Both pictures need variance and sample counts.
+/// [evidence](write_evidence) on disk. Both pictures need variance and sample counts, one of them two samples a pixel.
 pub fn prove_equal(name: &str, image: &Picture, reference: &Picture, significance: f64) -> Result<Comparison, Error> {
-    let options = ZTestOptions::default();
-    let test = ZTest::of(image, reference, options)?;
-    let rejected = test.rejects(significance);
-    let comparison = Comparison::of(image, reference, 0.0, options)?;
+    let rejected = ZTest::for_noise(image, reference)?.rejects(significance);
+    let comparison = Comparison::of(image, reference, 0.0)?;
     if rejected {
         let evidence = write_evidence(name, image, reference, &comparison)?;
         return Err(Error::Different { name: name.to_owned(), comparison: Box::new(comparison), evidence });

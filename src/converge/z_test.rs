@@ -144,6 +144,11 @@ struct Estimate<'a> {
 }
 
 impl ZTest {
+    /// [`ZTest::of`] by the blocks of [`ZTestOptions::for_noise`].
+    pub fn for_noise(image: &Picture, reference: &Picture) -> Result<ZTest, Error> {
+        ZTest::of(image, reference, ZTestOptions::for_noise(image, reference)?)
+    }
+
     /// Tests two pictures of one size, both with beauty, variance and sample counts.
     pub fn of(image: &Picture, reference: &Picture, options: ZTestOptions) -> Result<ZTest, Error> {
         let [image_mean, reference_mean] = beauties(image, reference)?;

@@ -188,7 +188,7 @@ fn mean_and_error(picture: &Picture) -> (f64, f64) {
 
 #[cfg(feature = "embree")]
 fn against_embree(picture: &Picture, scene: &Scene, max_depth: u32, spp: u32) -> Result<Outcome, String> {
-    use crate::converge::{Metrics, ZTest, ZTestOptions};
+    use crate::converge::{Metrics, ZTest};
     use crate::reference::{Reference, ReferenceOptions};
     /// That a correct renderer fails any case by chance.
     const SIGNIFICANCE: f64 = 1e-3;
@@ -198,9 +198,7 @@ fn against_embree(picture: &Picture, scene: &Scene, max_depth: u32, spp: u32) ->
         .and_then(|reference| reference.render(&options, |_| {}, &stop))
         .map_err(|error| error.to_string())?
         .0;
-    let test = ZTestOptions::for_noise(picture, &reference)
-        .and_then(|options| ZTest::of(picture, &reference, options))
-        .map_err(|error| error.to_string())?;
+    let test = ZTest::for_noise(picture, &reference).map_err(|error| error.to_string())?;
     let metrics = Metrics::of(picture, &reference, 0.0).map_err(|error| error.to_string())?;
     Ok(Outcome {
         holds: !test.rejects(SIGNIFICANCE / cases().len() as f64),

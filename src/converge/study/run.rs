@@ -11,7 +11,7 @@ use super::ground_truth::{AboutTruth, GroundTruth, weights};
 use super::method::Method;
 use super::plan::{Plan, ScenePlan};
 use super::record::{BiasTest, MethodRecord, Products, Question, Record, Run, SceneRecord};
-use crate::converge::{Metrics, ZTest, ZTestOptions};
+use crate::converge::{Metrics, ZTest};
 use crate::image::{Metadata, Picture, Samples, plane, read_exr, write_exr};
 use crate::scene::{Film, Scene};
 
@@ -497,7 +497,7 @@ pub fn average(pictures: &[Picture]) -> Option<Picture> {
 }
 
 fn test(mean: &Picture, expected: &GroundTruth) -> Result<BiasTest, Error> {
-    let test = ZTest::of(mean, &expected.picture, ZTestOptions::for_noise(mean, &expected.picture)?)?;
+    let test = ZTest::for_noise(mean, &expected.picture)?;
     let metrics = Metrics::of(mean, &expected.picture, 0.0)?;
     Ok(BiasTest {
         spp: mean.u32(plane::SAMPLES).and_then(|samples| samples.iter().min().copied()).unwrap_or(0).into(),
