@@ -21,12 +21,15 @@ const FLAGS: [&str; 5] = ["-V", "--target-env", "vulkan1.2", "-Iglsl", "--quiet"
 // Vulkan 1.2's SPIR-V has instructions that naga does not read.
 const EXPORT_FLAGS: [&str; 5] = ["-V", "--target-env", "vulkan1.1", "-Iglsl", "--quiet"];
 
+/// The CPU reference, and what it asks for values.
+const REFERENCE_ROOMS: [&str; 3] = ["src/material", "src/reference", "src/scene"];
+
 fn main() {
     println!("cargo:rerun-if-changed=build.rs");
     println!("cargo:rerun-if-changed=glsl");
     println!("cargo:rerun-if-changed=spirv");
     tell_revision();
-    if let Err(message) = build() {
+    if let Err(message) = tell_reference().and_then(|()| build()) {
         eprintln!("{message}");
         std::process::exit(1);
     }
@@ -44,8 +47,42 @@ fn tell_revision() {
     }
 }
 
+/// [`reference_hash`] as NEUBRDF_REFERENCE.
+fn tell_reference() -> Result<(), String> {
+    REFERENCE_ROOMS.iter().for_each(|room| println!("cargo:rerun-if-changed={room}"));
+    let hash = reference_hash(&root()?).map_err(|e| format!("{}: {e}", REFERENCE_ROOMS.join(", ")))?;
+    println!("cargo:rustc-env=NEUBRDF_REFERENCE={hash}");
+    Ok(())
+}
+
+/// A hash of all code that decides what the CPU reference shows of a scene, so that pictures which other code made are not taken for its.
+/// Whole rooms: a file too many makes a reference anew for nothing, one too few keeps a wrong one.
+pub fn reference_hash(root: &Path) -> io::Result<String> {
+    let mut sources = BTreeMap::new();
+    let mut open: Vec<PathBuf> = REFERENCE_ROOMS.iter().map(PathBuf::from).collect();
+    while let Some(path) = open.pop() {
+        let file = root.join(&path);
+        if file.is_dir() {
+            for entry in fs::read_dir(file)? {
+                open.push(path.join(entry?.file_name()));
+            }
+        } else if path.extension().is_some_and(|extension| extension == "rs") {
+            sources.insert(path, fs::read(file)?);
+        }
+    }
+    let mut hasher = blake3::Hasher::new();
+    for (path, text) in sources {
+        hasher.update(format!("{}\0{}\0", path.display(), text.len()).as_bytes()).update(&text);
+    }
+    Ok(hasher.finalize().to_hex()[..16].to_owned())
+}
+
+fn root() -> Result<PathBuf, String> {
+    env::var("CARGO_MANIFEST_DIR").map(PathBuf::from).map_err(|e| e.to_string())
+}
+
 fn build() -> Result<(), String> {
-    let root = PathBuf::from(env::var("CARGO_MANIFEST_DIR").map_err(|e| e.to_string())?);
+    let root = root()?;
     let kernels = kernels(&root).map_err(|e| format!("glsl/kernels: {e}"))?;
     let exported = exported(&root).map_err(|e| format!("glsl/export: {e}"))?;
     remove_orphans(&root, "", &kernels).map_err(|e| format!("spirv: {e}"))?;

@@ -377,6 +377,9 @@ mod studies {
         let never = AtomicBool::new(false);
         let expected = run(&plan, &whole, &cache, false, &|_| {}, &never).unwrap();
         assert_eq!(expected.scenes[0].methods[0].runs.len(), 6);
+        // Another program's reference is not taken for this one's.
+        let kept = std::fs::read_dir(&cache).unwrap().next().unwrap().unwrap().file_name();
+        assert!(kept.to_str().unwrap().ends_with(concat!("-3-256-", env!("NEUBRDF_REFERENCE"), ".exr")), "{kept:?}");
         let bias = expected.scenes[0].methods[0].bias.as_ref().unwrap();
         assert!(bias.p > 1e-3, "{bias:?}");
 

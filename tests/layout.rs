@@ -1,4 +1,4 @@
-//! Host and kernels agree on every struct, binding and push constant, and `spirv/` is what `glsl/` says.
+//! Host and kernels agree on every struct, binding and push constant, and what `build.rs` makes is what the sources say.
 
 mod common;
 
@@ -135,6 +135,23 @@ fn every_module_is_compiled_from_the_source_as_it_stands() {
     let stale: Vec<_> = modules.filter(|module| !build_script::is_fresh(root, module).unwrap()).collect();
     assert!(stale.is_empty(), "stale in spirv/: {stale:?}; install glslangValidator, build, and commit spirv/");
     assert_eq!(spirv::names().collect::<Vec<_>>(), kernels, "spirv/ and glsl/kernels hold the same names");
+}
+
+/// What cached references are kept under.
+#[test]
+fn a_change_of_the_references_code_changes_its_hash() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    assert_eq!(build_script::reference_hash(root).unwrap(), env!("NEUBRDF_REFERENCE"));
+    let copy = tempfile::tempdir().unwrap();
+    for room in ["material", "reference", "scene/brdf"] {
+        std::fs::create_dir_all(copy.path().join("src").join(room)).unwrap();
+    }
+    let hash_with = |text: &str| {
+        std::fs::write(copy.path().join("src/scene/brdf/a.rs"), text).unwrap();
+        build_script::reference_hash(copy.path()).unwrap()
+    };
+    assert_eq!(hash_with("1.0"), hash_with("1.0"));
+    assert_ne!(hash_with("1.0"), hash_with("2.0"));
 }
 
 #[test]

@@ -150,6 +150,7 @@ impl GroundTruth {
 #[cfg(feature = "embree")]
 const SEED: u64 = 0x7275_7468;
 
+/// The last word is a hash of the code that makes the picture (`build.rs`): after a change of it the picture is made anew.
 fn cache_file(scene: &Scene, max_depth: u32, spp: u32, cache: &Path) -> PathBuf {
-    cache.join(format!("embree-{}-{max_depth}-{spp}.exr", scene.hash()))
+    cache.join(format!("embree-{}-{max_depth}-{spp}-{}.exr", scene.hash(), env!("NEUBRDF_REFERENCE")))
 }
