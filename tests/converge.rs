@@ -410,8 +410,10 @@ mod studies {
         let directory = tempfile::tempdir().unwrap();
         let (output, cache) = (directory.path().join("study"), directory.path().join("cache"));
         let never = AtomicBool::new(false);
-        let small = Plan { ladder: vec![1], repetitions: 1, ..plan(&["embree"]) };
-        run(&small, &output, &cache, false, &|_| {}, &never).unwrap();
+        let small = Plan { ladder: vec![1, 2], repetitions: 1, ..plan(&["embree"]) };
+        let record = run(&small, &output, &cache, false, &|_| {}, &never).unwrap();
+        // A single sample does not know its variance.
+        assert_eq!(record.scenes[0].methods[0].bias.as_ref().unwrap().spp, 2);
         assert!(matches!(run(&small, &output, &cache, false, &|_| {}, &never), Err(Error::Occupied { .. })));
         let other = Plan { max_depth: 4, ..small.clone() };
         let error = run(&other, &output, &cache, true, &|_| {}, &never).unwrap_err().to_string();
@@ -462,7 +464,7 @@ mod studies {
         let (output, cache) = (directory.path().join("study"), directory.path().join("cache"));
         let record = run(&plan, &output, &cache, false, &observe, &never).unwrap();
         let methods = &record.scenes[0].methods;
-        assert!(methods[0].unavailable.is_none() && methods[0].runs.len() == 1);
+        assert!(methods[0].unavailable.is_none() && methods[0].runs.len() == 1 && methods[0].bias.is_none());
         assert!(methods[1].unavailable.is_some() && methods[1].runs.is_empty());
         assert!(methods[2].unavailable.as_ref().unwrap().contains("models"));
         assert_eq!(warnings.lock().unwrap().len(), 2);

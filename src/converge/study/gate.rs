@@ -176,7 +176,10 @@ impl MethodGate {
                 holds: method.bias_p.is_some_and(|p| p >= least),
                 message: match method.bias_p {
                     Some(p) => format!("{scene}, {}: bias p is {p:.3e}, wanted at least {least:e}", method.label),
-                    None => format!("{scene}, {}: bias cannot be tested: the reference has no variance", method.label),
+                    None => format!(
+                        "{scene}, {}: bias cannot be tested: the reference or the method's pictures have no variance",
+                        method.label
+                    ),
                 },
             });
         }

@@ -90,7 +90,7 @@ pub struct MethodRecord {
     pub runs: Vec<Run>,
     /// Products of differences, a rung of the ladder each; made when all that will run has run.
     pub products: Vec<Products>,
-    /// The test of its mean picture; `None` before, and where there is no variance.
+    /// The test of its mean picture; `None` before, and where there is no variance, as of single samples.
     pub bias: Option<BiasTest>,
 }
 
@@ -144,7 +144,7 @@ pub struct Products {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct BiasTest {
-    /// Samples a pixel, of all runs.
+    /// Samples a pixel, of all runs that know their variance.
     pub spp: u64,
     /// Samples a pixel of the reference.
     pub reference_spp: u64,

@@ -424,7 +424,10 @@ fn conclude(entry: &mut MethodRecord, pictures: &Path, truths: &Truths, ladder: 
             let beauty = picture.rgb(plane::BEAUTY).unwrap_or_default();
             let pairs = beauty.as_flattened().iter().zip(truth.as_flattened());
             differences.push(pairs.map(|(x, r)| f64::from(*x) - f64::from(*r)).collect::<Vec<f64>>());
-            everything.push(picture);
+            // One sample's variance is 0, which says that it is not known; a picture without the plane is judged by its spread.
+            if spp > 1 || picture.rgb(plane::VARIANCE).is_none() {
+                everything.push(picture);
+            }
         }
         if differences.is_empty() {
             continue;
