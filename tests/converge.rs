@@ -2,8 +2,8 @@
 //! interrupted, resumed, judged and compared says the same as one that is not.
 
 use neubrdf::converge::study::{
-    AboutTruth, Analysis, Change, Clock, Environment, Gate, Gram, MethodRecord, MethodResult, Products, Question,
-    Record, Run, SceneRecord, compare, write_report,
+    AboutTruth, Analysis, Clock, Environment, Gate, Gram, MethodRecord, MethodResult, Products, Question, Record, Run,
+    SceneRecord, Versus, change_lines, compare, write_report,
 };
 use neubrdf::converge::{CONFIDENCE, Timing};
 
@@ -283,16 +283,33 @@ fn a_mistaken_threshold_file_is_refused_with_its_line() {
 
 #[test]
 fn a_comparison_knows_better_from_worse_and_from_chance() {
-    let old = Analysis::of(&record(&[("a", MADE)], 6, 1));
-    let again = Analysis::of(&record(&[("a", MADE)], 6, 2));
-    let faster = Analysis::of(&record(&[("a", Made { seconds: 0.03, ..MADE })], 6, 3));
-    let verdicts = |new: &Analysis, old: &Analysis| {
-        compare(new, old).iter().map(|change: &Change| (change.figure, change.is_better())).collect::<Vec<_>>()
+    let old = record(&[("a", MADE)], 6, 1);
+    let again = record(&[("a", MADE)], 6, 2);
+    let faster = record(&[("a", Made { seconds: 0.03, ..MADE })], 6, 3);
+    let verdicts = |new: &Record, old: &Record| {
+        compare(new, old).changes.iter().map(|change| (change.figure, change.is_better())).collect::<Vec<_>>()
     };
     assert_eq!(verdicts(&again, &old), [("efficiency", None), ("seconds", None), ("noise", None)]);
     assert_eq!(verdicts(&faster, &old), [("efficiency", Some(true)), ("seconds", Some(true)), ("noise", None)]);
     assert_eq!(verdicts(&old, &faster), [("efficiency", Some(false)), ("seconds", Some(false)), ("noise", None)]);
-    assert!(compare(&old, &Analysis::of(&record(&[("b", MADE)], 6, 1))).is_empty());
+    assert_eq!(compare(&old, &record(&[("b", MADE)], 6, 1)), Versus::default());
+}
+
+#[test]
+fn scenes_that_were_rendered_otherwise_are_not_compared() {
+    let old = record(&[("a", MADE)], 6, 1);
+    let change: [(&str, fn(&mut Record)); 4] = [
+        ("size is 4×4, was 8×8", |new| new.scenes[0].size = [4, 4]),
+        ("hash is 1, was 0", |new| new.scenes[0].hash = "1".into()),
+        ("depth is 2, was 1", |new| new.question.max_depth = 2),
+        ("clock is cpu, was wall", |new| new.question.clock = Clock::Cpu),
+    ];
+    for (reason, change) in change {
+        let mut new = old.clone();
+        change(&mut new);
+        let versus = compare(&new, &old);
+        assert!(versus.changes.is_empty() && change_lines(&versus).contains(reason), "{versus:?}");
+    }
 }
 
 #[test]

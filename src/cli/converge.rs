@@ -227,7 +227,7 @@ pub fn run_command(arguments: Arguments) -> Result<ExitCode> {
         {
             tell!("warning: that was another machine or build: seconds do not compare")?;
         }
-        tell!("{}", change_lines(&compare(&analysis, &Analysis::of(&old))).trim_end())?;
+        tell!("{}", change_lines(&compare(&record, &old)).trim_end())?;
     }
     let Some(gate) = gate else { return Ok(ExitCode::SUCCESS) };
     let verdicts = gate.judge(&analysis);

@@ -34,4 +34,4 @@ pub use record::{BiasTest, MethodRecord, Products, Question, Record, Run, SceneR
 pub use report::write_report;
 pub use run::{Event, RECORD_FILE, average, run};
 pub use text::{change_lines, summary_text, verdict_lines};
-pub use versus::{Change, compare};
+pub use versus::{Change, Versus, compare};

@@ -6,7 +6,7 @@ use super::analysis::{Analysis, ratio};
 use super::gate::Verdict;
 use super::html::SIGNIFICANCE;
 use super::record::Record;
-use super::versus::Change;
+use super::versus::{Change, Versus};
 use crate::converge::{CONFIDENCE, Estimate};
 
 /// A line a method.
@@ -56,8 +56,8 @@ pub fn verdict_lines(verdicts: &[Verdict]) -> String {
     verdicts.iter().map(|verdict| format!("{} {}\n", if verdict.holds { "✓" } else { "✗" }, verdict.message)).collect()
 }
 
-/// A line a change.
-pub fn change_lines(changes: &[Change]) -> String {
+/// A line a change, and one for each scene that does not compare.
+pub fn change_lines(versus: &Versus) -> String {
     let line = |change: &Change| {
         let [value, low, high] = change.ratio;
         let word = match change.is_better() {
@@ -67,5 +67,6 @@ pub fn change_lines(changes: &[Change]) -> String {
         };
         format!("{word} {}, {}: {} × {value:.3} ({low:.3} to {high:.3})\n", change.scene, change.method, change.figure)
     };
-    changes.iter().map(line).collect()
+    let left_out = versus.left_out.iter().map(|(scene, reason)| format!("not compared: {scene}: {reason}\n"));
+    versus.changes.iter().map(line).chain(left_out).collect()
 }

@@ -1,6 +1,7 @@
 //! A study against an older one: what got better, what worse, and what cannot be told.
 
 use super::analysis::{Analysis, MethodResult};
+use super::record::{Question, Record, SceneRecord};
 use crate::converge::{CONFIDENCE, Estimate};
 
 /// A figure of a method in both studies.
@@ -30,42 +31,69 @@ impl Change {
     }
 }
 
-/// All that both studies have figures of. Methods are the same if their full names and the tops of their
-/// ladders are. The intervals hold all at once with
-/// [`CONFIDENCE`] (Šidák).
-pub fn compare(new: &Analysis, old: &Analysis) -> Vec<Change> {
-    let pairs = || {
-        new.scenes.iter().flat_map(|scene| {
-            let before = old.scenes.iter().find(|before| before.name == scene.name);
-            scene.methods.iter().filter_map(move |method| {
-                let before = before?.methods.iter().find(|before| before.name == method.name)?;
-                let is_alike = method.top()?.spp == before.top()?.spp;
-                is_alike.then_some((scene.name.as_str(), method, before))
-            })
-        })
-    };
+/// A study against an older one.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Versus {
+    /// All that both have figures of.
+    pub changes: Vec<Change>,
+    /// Scenes of both whose figures do not compare, with the reason.
+    pub left_out: Vec<(String, String)>,
+}
+
+/// Methods are the same if their full names and the tops of their ladders are, in scenes of the same name and content, rendered alike.
+/// The intervals hold all at once with [`CONFIDENCE`] (Šidák).
+pub fn compare(new: &Record, old: &Record) -> Versus {
+    let [results, results_before] = [new, old].map(Analysis::of);
+    let mut left_out = Vec::new();
     let mut found = Vec::new();
-    for (scene, method, before) in pairs() {
-        for (figure, more_is_better, read) in FIGURES {
-            if let (Some(new), Some(old)) = (read(method), read(before)) {
-                found.push((scene, method, figure, more_is_better, new.minus(&old)));
+    for (scene, result) in new.scenes.iter().zip(&results.scenes) {
+        let mut of_old = old.scenes.iter().zip(&results_before.scenes);
+        let Some((before, result_before)) = of_old.find(|(before, _)| before.name == scene.name) else { continue };
+        if let Some(reason) = what_differs((&new.question, scene), (&old.question, before)) {
+            left_out.push((scene.name.clone(), reason));
+            continue;
+        }
+        for method in &result.methods {
+            let of_name = result_before.methods.iter().find(|before| before.name == method.name);
+            let spp = |method: &MethodResult| method.top().map(|rung| rung.spp);
+            let Some(before) = of_name.filter(|before| spp(before) == spp(method)) else { continue };
+            for (figure, more_is_better, read) in FIGURES {
+                if let (Some(new), Some(old)) = (read(method), read(before)) {
+                    found.push((&scene.name, method, figure, more_is_better, new.minus(&old)));
+                }
             }
         }
     }
     let confidence = CONFIDENCE.powf(1.0 / found.len().max(1) as f64);
-    found
+    let changes = found
         .into_iter()
         .map(|(scene, method, figure, more_is_better, log)| {
             let [low, high] = log.interval(confidence);
             Change {
-                scene: scene.to_owned(),
+                scene: scene.clone(),
                 method: method.label.clone(),
                 figure,
                 ratio: [log.value.exp(), low.exp(), high.exp()],
                 more_is_better,
             }
         })
-        .collect()
+        .collect();
+    Versus { changes, left_out }
+}
+
+/// Why the figures of a scene do not compare.
+fn what_differs(new: (&Question, &SceneRecord), old: (&Question, &SceneRecord)) -> Option<String> {
+    let words = |(question, scene): (&Question, &SceneRecord)| {
+        let [width, height] = scene.size;
+        [
+            ("size", format!("{width}×{height}")),
+            ("hash", scene.hash.get(..12).unwrap_or(&scene.hash).to_owned()),
+            ("depth", question.max_depth.to_string()),
+            ("clock", format!("{:?}", question.clock).to_lowercase()),
+        ]
+    };
+    let pairs = words(new).into_iter().zip(words(old));
+    pairs.into_iter().find(|(is, was)| is != was).map(|((name, is), (_, was))| format!("its {name} is {is}, was {was}"))
 }
 
 type Figure = (&'static str, bool, fn(&MethodResult) -> Option<Estimate>);
