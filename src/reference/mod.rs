@@ -82,7 +82,7 @@ impl Default for ReferenceOptions {
 /// What rendering took.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Statistics {
-    /// Wall-clock time, seconds.
+    /// Wall-clock time of the samples, seconds.
     pub seconds: f64,
     /// Camera samples.
     pub samples: u64,
@@ -186,10 +186,11 @@ impl<'a> Reference<'a> {
             pass_spp = (pass_spp * 2).min(32);
         }
 
+        let seconds = start.elapsed().as_secs_f64();
         let mut picture = film::picture(crop.width, crop.height, &sums);
         self.add_centre_planes(crop, &mut picture);
         let statistics = Statistics {
-            seconds: start.elapsed().as_secs_f64(),
+            seconds,
             samples: samples_done.into_inner(),
             closest_rays: closest_rays.into_inner(),
             shadow_rays: shadow_rays.into_inner(),
