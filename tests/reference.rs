@@ -386,7 +386,9 @@ fn neural_room() -> Scene {
 /// Nor do the paths that share an evaluation of a network: they are others by other threads and crops.
 #[test]
 fn the_seed_decides_not_the_threads_nor_the_crop() {
-    for scene in [room(), neural_room()] {
+    let mut porous_room = room();
+    porous_room.materials.iter_mut().for_each(|material| material.opacity.value = 0.5);
+    for scene in [room(), neural_room(), porous_room] {
         let pool = |threads| rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
         let single = pool(1).install(|| render(&scene, 8, 8, 7));
         assert_eq!(single, pool(3).install(|| render(&scene, 8, 8, 7)));
@@ -397,9 +399,19 @@ fn the_seed_decides_not_the_threads_nor_the_crop() {
         let reference = Reference::new(&scene).unwrap();
         let (part, statistics) = reference.render(&options, |_| (), &AtomicBool::new(false)).unwrap();
         assert_eq!((statistics.samples, statistics.least_spp), (8 * 33, 8));
-        let (whole, part) = (single.rgb(plane::BEAUTY).unwrap(), part.rgb(plane::BEAUTY).unwrap());
         for row in 0..3 {
-            assert_eq!(part[row * 11..][..11], whole[(row + 7) * 32 + 5..][..11]);
+            let [of_part, of_whole] = [row * 11..(row + 1) * 11, (row + 7) * 32 + 5..(row + 7) * 32 + 16];
+            assert_eq!(
+                part.rgb(plane::BEAUTY).unwrap()[of_part.clone()],
+                single.rgb(plane::BEAUTY).unwrap()[of_whole.clone()]
+            );
+            assert_eq!(
+                part.f32(plane::DEPTH).unwrap()[of_part.clone()],
+                single.f32(plane::DEPTH).unwrap()[of_whole.clone()]
+            );
+            for ids in [plane::INSTANCE_ID, plane::PRIMITIVE_ID, plane::MATERIAL_ID] {
+                assert_eq!(part.u32(ids).unwrap()[of_part.clone()], single.u32(ids).unwrap()[of_whole.clone()]);
+            }
         }
         let outside = ReferenceOptions { crop: Some(Crop { x: 30, ..crop }), ..options };
         assert!(reference.render(&outside, |_| (), &AtomicBool::new(false)).is_err());

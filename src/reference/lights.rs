@@ -1,5 +1,6 @@
 //! Light sampling: one of the kinds of light that the scene has, one light of it by power, a point or direction on that
-//! uniformly. The same densities as of [`LightTable`](crate::scene::LightTable), found in another way.
+//! uniformly. Other densities than those of [`LightTable`](crate::scene::LightTable), which has a tree of lamps and leaves what of a sky
+//! is no brighter than its mean to the BSDF: what they agree on is the expectation.
 
 use glam::{DVec2, DVec3};
 

@@ -1,6 +1,7 @@
 //! The path integral: emission, one light sample a vertex, BSDF sampling, combined by the balance heuristic.
 
 use glam::{DVec2, DVec3, Vec3};
+use rayon::prelude::*;
 
 use super::Reference;
 use super::embree::{Hit, Ray};
@@ -170,31 +171,23 @@ impl Reference<'_> {
 
     /// Adds the planes of the ray through the pixel's centre: depth and ids.
     pub(super) fn add_centre_planes(&self, crop: Crop, picture: &mut Picture) {
-        let mut depth = Vec::with_capacity(picture.pixels());
-        let mut ids = [const { Vec::new() }; 3];
-        for y in 0..crop.height {
-            for x in 0..crop.width {
-                let centre = DVec2::new((crop.x + x).into(), (crop.y + y).into()) + 0.5;
-                let (eye, direction) = self.view.ray(centre, None);
-                let mut random = Random::new(0, x.into(), y.into());
-                let hit = self.hit(eye.as_vec3(), direction, &mut random);
-                depth.push(
-                    hit.map_or(f32::INFINITY, |hit| (f64::from(hit.t) * direction.dot(self.view.forward)) as f32),
-                );
-                let [instance, triangle, material] = &mut ids;
-                instance.push(hit.map_or(plane::NO_ID, |hit| hit.instance));
-                triangle.push(hit.map_or(plane::NO_ID, |hit| hit.triangle));
-                material.push(hit.map_or(plane::NO_ID, |hit| {
-                    let mesh = self.scene.instances[hit.instance as usize].mesh;
-                    self.scene.meshes[mesh as usize].material(hit.triangle as usize)
-                }));
-            }
+        let seen_at = |pixel: usize| {
+            let [column, row] = [pixel % crop.width as usize, pixel / crop.width as usize];
+            let [x, y] = [crop.x + column as u32, crop.y + row as u32];
+            let (eye, direction) = self.view.ray(DVec2::new(x.into(), y.into()) + 0.5, None);
+            let mut random = Random::new(0, x.into(), y.into());
+            let Some(hit) = self.hit(eye.as_vec3(), direction, &mut random) else {
+                return (f32::INFINITY, [plane::NO_ID; 3]);
+            };
+            let mesh = &self.scene.meshes[self.scene.instances[hit.instance as usize].mesh as usize];
+            let depth = (f64::from(hit.t) * direction.dot(self.view.forward)) as f32;
+            (depth, [hit.instance, hit.triangle, mesh.material(hit.triangle as usize)])
+        };
+        let seen: Vec<(f32, [u32; 3])> = (0..picture.pixels()).into_par_iter().map(seen_at).collect();
+        picture.set(plane::DEPTH, Samples::F32(seen.iter().map(|(depth, _)| *depth).collect()));
+        for (id, name) in [plane::INSTANCE_ID, plane::PRIMITIVE_ID, plane::MATERIAL_ID].into_iter().enumerate() {
+            picture.set(name, Samples::U32(seen.iter().map(|(_, ids)| ids[id]).collect()));
         }
-        let [instances, triangles, materials] = ids;
-        picture.set(plane::DEPTH, Samples::F32(depth));
-        picture.set(plane::INSTANCE_ID, Samples::U32(instances));
-        picture.set(plane::PRIMITIVE_ID, Samples::U32(triangles));
-        picture.set(plane::MATERIAL_ID, Samples::U32(materials));
     }
 }
 
