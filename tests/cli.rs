@@ -180,6 +180,43 @@ fn a_target_that_cannot_be_written_is_an_error_before_the_work() {
     let (_directory, obj) = bare_obj();
     let message = fail(&["render", text(&obj), "-o", "/nonexistent/out.exr", "--spp", "1000000"]);
     assert!(message.contains("/nonexistent"), "{message}");
+    for (output, told) in [("/nonexistent/difference.png", "/nonexistent"), ("difference.gif", ".exr or a .png")] {
+        let message = fail(&["compare", text(&obj), text(&obj), "-o", output]);
+        assert!(message.contains(told) && !message.contains("tetrahedron"), "{message}");
+    }
+}
+
+#[test]
+fn a_threshold_that_decides_nothing_and_an_option_that_does_nothing_are_refused() {
+    for threshold in ["--max-mse=nan", "--max-rel-mse=inf", "--max-flip=-1", "--min-p=some"] {
+        assert!(fail(&["compare", "a.exr", "b.exr", threshold]).contains("a number of at least 0"), "{threshold}");
+    }
+    for option in [
+        "a.toml",
+        "--study=a.toml",
+        "--traversal=bvh",
+        "--sampler=pcg",
+        "--light-sampling=off",
+        "--bsdf-sampling=lobe",
+        "--precision=f32",
+        "--pool=7",
+        "--model=truth",
+        "--spp=4",
+        "--repetitions=4",
+        "--max-depth=4",
+        "--size=4x4",
+        "--reference-spp=4",
+        "--reference=a.exr",
+        "--cache=a",
+        "--target=1",
+        "--seed=1",
+        "--clock=cpu",
+        "--resume",
+        "--assert=a.toml",
+        "--compare=a.json",
+    ] {
+        assert!(fail(&["converge", "--suite=stability", option]).contains("cannot be used with"), "{option}");
+    }
 }
 
 /// Nothing that is read, and nothing that was just written, is replaced.
@@ -254,6 +291,10 @@ fn compare_exits_by_its_thresholds() {
     succeed(&["compare", text(&a), text(&b), "-o", text(&difference), "--min-p", "1e-4"]);
     assert!(difference.exists());
     assert!(fail(&["compare", text(&a), text(&b), "--max-mse", "1e-12"]).contains("MSE"));
+    let single = path("single.exr");
+    succeed(&["render", text(&obj), "-o", text(&single), "--spp", "1", "--size", "32x24", "--quiet"]);
+    assert!(succeed(&["compare", text(&single), text(&single), "--max-mse", "0"]).contains("z-test            none"));
+    assert!(fail(&["compare", text(&single), text(&single), "--min-p", "1e-4"]).contains("two samples a pixel"));
     let json: serde_json::Value = serde_json::from_str(&succeed(&["compare", text(&a), text(&a), "--json"])).unwrap();
     assert_eq!(json["metrics"]["mse"], 0.0);
 }

@@ -7,6 +7,8 @@ use anyhow::{Result, bail};
 use neubrdf::converge::{Comparison, difference, write_difference_png};
 use neubrdf::image::{Metadata, read_exr, write_exr};
 
+use super::job::check_writable;
+
 /// Say how two pictures differ. Exit status 3 if a threshold is exceeded.
 #[derive(clap::Args)]
 pub struct Arguments {
@@ -21,16 +23,16 @@ pub struct Arguments {
     #[arg(long, default_value_t = 0.0, allow_negative_numbers = true)]
     exposure: f32,
     /// Fail if the MSE is above
-    #[arg(long)]
+    #[arg(long, value_parser = threshold)]
     max_mse: Option<f64>,
     /// Fail if the relMSE, mean((x−r)²/(r²+0.01)), is above
-    #[arg(long)]
+    #[arg(long, value_parser = threshold)]
     max_rel_mse: Option<f64>,
     /// Fail if the mean FLIP error is above
-    #[arg(long)]
+    #[arg(long, value_parser = threshold)]
     max_flip: Option<f64>,
     /// Fail if the z-test's p-value is below: the difference is not noise
-    #[arg(long)]
+    #[arg(long, value_parser = threshold)]
     min_p: Option<f64>,
     /// Print JSON
     #[arg(long)]
@@ -40,8 +42,22 @@ pub struct Arguments {
 /// A threshold was exceeded.
 const EXCEEDED: u8 = 3;
 
+/// What is neither finite nor at least 0 could never be exceeded, or always.
+fn threshold(word: &str) -> Result<f64, String> {
+    word.parse()
+        .ok()
+        .filter(|number: &f64| number.is_finite() && *number >= 0.0)
+        .ok_or_else(|| format!("'{word}' is no threshold: expected a number of at least 0"))
+}
+
 /// Reads both, compares, prints.
 pub fn run(arguments: Arguments) -> Result<ExitCode> {
+    if let Some(path) = &arguments.output {
+        check_writable(path)?;
+        if !path.extension().is_some_and(|ending| ending == "exr" || ending == "png") {
+            bail!("{}: a difference image is an .exr or a .png", path.display());
+        }
+    }
     let (picture, _) = read_exr(&arguments.picture)?;
     let (reference, _) = read_exr(&arguments.reference)?;
     let comparison = Comparison::of(&picture, &reference, arguments.exposure)?;
@@ -51,10 +67,9 @@ pub fn run(arguments: Arguments) -> Result<ExitCode> {
         tell!("{comparison}")?;
     }
     if let Some(path) = &arguments.output {
-        match path.extension().and_then(|ending| ending.to_str()) {
-            Some("exr") => write_exr(path, &difference(&picture, &reference)?, &Metadata::default())?,
-            Some("png") => write_difference_png(path, &picture, &reference, 0.1)?,
-            _ => bail!("{}: a difference image is an .exr or a .png", path.display()),
+        match path.extension().is_some_and(|ending| ending == "exr") {
+            true => write_exr(path, &difference(&picture, &reference)?, &Metadata::default())?,
+            false => write_difference_png(path, &picture, &reference, 0.1)?,
         }
     }
     let metrics = &comparison.metrics;

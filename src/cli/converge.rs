@@ -26,7 +26,7 @@ pub struct Arguments {
     #[arg(short, long, value_name = "DIRECTORY", required_unless_present = "suite")]
     output: Option<PathBuf>,
     /// Run a named suite of hard cases instead of a study: stability
-    #[arg(long, value_name = "NAME", conflicts_with_all = ["scenes", "study", "gate", "compare", "resume"])]
+    #[arg(long, value_name = "NAME", conflicts_with_all = OF_STUDIES)]
     suite: Option<Suite>,
     /// A study file (TOML), of which the other options replace what they say
     #[arg(long, value_name = "TOML")]
@@ -101,6 +101,32 @@ pub struct Arguments {
     #[arg(long)]
     quiet: bool,
 }
+
+/// What has no meaning for a suite.
+const OF_STUDIES: [&str; 22] = [
+    "scenes",
+    "study",
+    "traversal",
+    "sampler",
+    "light_sampling",
+    "bsdf_sampling",
+    "precision",
+    "pool",
+    "model",
+    "spp",
+    "repetitions",
+    "max_depth",
+    "size",
+    "reference_spp",
+    "reference",
+    "cache",
+    "target",
+    "seed",
+    "clock",
+    "resume",
+    "gate",
+    "compare",
+];
 
 /// Suites by name.
 #[derive(Clone, Copy, clap::ValueEnum)]
