@@ -3,7 +3,7 @@
 
 use neubrdf::converge::study::{
     AboutTruth, Analysis, Clock, Environment, Gate, Gram, MethodRecord, MethodResult, Products, Question, Record, Run,
-    SceneRecord, Versus, change_lines, compare, write_report,
+    SceneRecord, Versus, change_lines, compare, summary_text, write_report,
 };
 use neubrdf::converge::{CONFIDENCE, Timing};
 
@@ -327,6 +327,21 @@ fn a_report_is_one_page_and_the_same_for_the_same_numbers() {
     assert!(page.matches("<svg viewBox").count() == 4 && page.contains("a &lt; b") && !page.contains("a < b"));
     assert!(!page.contains("http") && !page.contains("NaN") && !page.contains("src=\"file"));
     assert_eq!(csv.lines().count(), 1 + 2 * 4 * LADDER.len());
+}
+
+/// A method whose device is no longer there when the study goes on.
+#[test]
+fn what_is_half_done_and_no_longer_available_is_told_once() {
+    let mut record = record(&[("a", MADE), ("b", MADE)], 3, 1);
+    let [a, b] = record.scenes[0].methods.as_mut_slice() else { panic!("two methods") };
+    a.runs.pop();
+    b.unavailable = Some("gone".into());
+    let analysis = Analysis::of(&record);
+    let text = summary_text(&record, &analysis);
+    assert!(text.lines().count() == 3 && text.trim_end().ends_with("the rest is not available: gone"), "{text}");
+    let directory = tempfile::tempdir().unwrap();
+    let page = std::fs::read_to_string(write_report(&record, &analysis, directory.path()).unwrap()).unwrap();
+    assert!(page.contains("11 of 12 renders"));
 }
 
 #[test]

@@ -93,11 +93,10 @@ fn header(record: &Record, analysis: &Analysis) -> String {
     if !missing.is_empty() {
         let _ = writeln!(html, "<div class=\"note\"><b>Not available here</b><ul>{}</ul></div>", missing.join(""));
     }
-    let wanted: usize =
-        record.scenes.iter().flat_map(|scene| &scene.methods).filter(|method| method.unavailable.is_none()).count()
-            * question.ladder.len()
-            * question.repetitions as usize;
-    let done: usize = record.scenes.iter().flat_map(|scene| &scene.methods).map(|method| method.runs.len()).sum();
+    let methods = record.scenes.iter().flat_map(|scene| &scene.methods);
+    let available: Vec<&MethodRecord> = methods.filter(|method| method.unavailable.is_none()).collect();
+    let wanted = available.len() * question.ladder.len() * question.repetitions as usize;
+    let done: usize = available.iter().map(|method| method.runs.len()).sum();
     if done < wanted {
         let _ = writeln!(
             html,

@@ -18,10 +18,15 @@ pub fn summary_text(record: &Record, analysis: &Analysis) -> String {
         let _ = writeln!(text, "{}", scene.name);
         for method in &scene.methods {
             let label = &method.label;
-            if let Some(reason) = &method.unavailable {
-                let _ = writeln!(text, "  {label:widest$}  not available: {reason}");
-            }
-            let Some(found) = result.methods.iter().find(|found| found.name == method.name) else { continue };
+            let missing = method.unavailable.as_ref().map(|reason| format!("not available: {reason}"));
+            let Some(found) = result.methods.iter().find(|found| found.name == method.name) else {
+                if let Some(missing) = missing {
+                    let _ = writeln!(text, "  {label:widest$}  {missing}");
+                }
+                continue;
+            };
+            // Of a device that a resumed study no longer finds.
+            let missing = missing.map_or(String::new(), |missing| format!("; the rest is {missing}"));
             let bias = match found.bias_p {
                 Some(p) if p < SIGNIFICANCE || p.is_nan() => format!("BIASED (p = {p:.1e})"),
                 Some(p) => format!("no bias seen (p = {p:.2})"),
@@ -43,7 +48,7 @@ pub fn summary_text(record: &Record, analysis: &Analysis) -> String {
             let efficiency = found.efficiency.map_or("?".into(), |efficiency| format!("{:.3e}", ratio(&efficiency)[0]));
             let _ = writeln!(
                 text,
-                "  {label:widest$}  {top}, slope {}, efficiency {efficiency}{floor}; {bias}",
+                "  {label:widest$}  {top}, slope {}, efficiency {efficiency}{floor}; {bias}{missing}",
                 number(found.slope)
             );
         }
