@@ -201,6 +201,7 @@ fn a_threshold_that_decides_nothing_and_an_option_that_does_nothing_are_refused(
         "--precision=f32",
         "--pool=7",
         "--model=truth",
+        "--clamp-indirect=off",
         "--spp=4",
         "--repetitions=4",
         "--max-depth=4",

@@ -56,6 +56,9 @@ pub struct Arguments {
     /// truth, and the names of a study file's models
     #[arg(long, value_name = "LIST", value_delimiter = ',', help_heading = "Methods: all combinations of")]
     model: Vec<String>,
+    /// What a path may bring of indirect light: radiances, off
+    #[arg(long, value_name = "LIST", value_delimiter = ',', help_heading = "Methods: all combinations of")]
+    clamp_indirect: Vec<String>,
 
     /// The ladder of samples a pixel [default: 4,16,64,256]
     #[arg(long, value_name = "LIST", value_delimiter = ',')]
@@ -103,7 +106,7 @@ pub struct Arguments {
 }
 
 /// What has no meaning for a suite.
-const OF_STUDIES: [&str; 22] = [
+const OF_STUDIES: [&str; 23] = [
     "scenes",
     "study",
     "traversal",
@@ -113,6 +116,7 @@ const OF_STUDIES: [&str; 22] = [
     "precision",
     "pool",
     "model",
+    "clamp_indirect",
     "spp",
     "repetitions",
     "max_depth",
@@ -169,6 +173,7 @@ impl Arguments {
             &self.precision,
             &self.pool,
             &self.model,
+            &self.clamp_indirect,
         ];
         if plan.methods.is_empty() || lists.iter().any(|list| !list.is_empty()) {
             let mut axes = Axes::default();

@@ -93,6 +93,7 @@ impl<'a> Engine<'a> {
                     light_sampling: method.light_sampling,
                     bsdf_sampling: method.bsdf_sampling,
                     neubrdf_precision: method.precision,
+                    clamp_indirect: method.clamp_indirect,
                     ..Settings::default()
                 };
                 let options = Options { traversal: method.traversal, pool_paths: method.pool };

@@ -1,4 +1,5 @@
-//! Methods: every choice that may change how fast a picture converges, and nothing that changes what it converges to.
+//! Methods: every choice that may change how fast a picture converges, and, but for models and the limit of indirect light, nothing that
+//! changes what it converges to.
 
 use std::fmt;
 
@@ -19,7 +20,7 @@ pub enum Engine {
 }
 
 /// One way to render a scene. What an engine has no choice about is `None`.
-#[derive(Clone, Debug, PartialEq, Eq, Hash)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Method {
     /// What renders.
     pub engine: Engine,
@@ -37,6 +38,8 @@ pub struct Method {
     pub pool: Option<u32>,
     /// Which of the scene's models of its materials is rendered; `None`: the scene as it is, which is the truth.
     pub model: Option<String>,
+    /// What a path may bring of indirect light: its bias is the price of its noise. `None`: all that there is.
+    pub clamp_indirect: Option<f32>,
 }
 
 /// The axes of a product of methods; what is empty has its default.
@@ -58,11 +61,22 @@ pub struct Axes {
     pub pool: Vec<String>,
     /// Names of models, `truth`.
     pub model: Vec<String>,
+    /// Radiances, `off`.
+    pub clamp_indirect: Vec<String>,
 }
 
 /// The names of the axes, as flags and study files have them.
-pub const AXES: [&str; 8] =
-    ["device", "traversal", "sampler", "light-sampling", "bsdf-sampling", "precision", "pool", "model"];
+pub const AXES: [&str; 9] = [
+    "device",
+    "traversal",
+    "sampler",
+    "light-sampling",
+    "bsdf-sampling",
+    "precision",
+    "pool",
+    "model",
+    "clamp-indirect",
+];
 
 impl Axes {
     /// The values of the axis of that name.
@@ -76,6 +90,7 @@ impl Axes {
             "precision" => &mut self.precision,
             "pool" => &mut self.pool,
             "model" => &mut self.model,
+            "clamp-indirect" => &mut self.clamp_indirect,
             _ => return None,
         })
     }
@@ -117,6 +132,13 @@ impl Axes {
             },
         })?;
         let models = choices("model", &self.model, "truth", |word| Ok((word != "truth").then(|| word.to_owned())))?;
+        let limits = choices("clamp-indirect", &self.clamp_indirect, "off", |word| match word {
+            "off" => Ok(None),
+            _ => match word.parse::<f32>() {
+                Ok(limit) if limit.is_finite() && limit > 0.0 => Ok(Some(limit)),
+                _ => Err(format!("'{word}': expected a radiance above 0, or off")),
+            },
+        })?;
 
         let mut product = vec![Method::plain(Engine::Embree, None)];
         multiply(&mut product, models, |method, model| method.model = model);
@@ -127,6 +149,7 @@ impl Axes {
         multiply(&mut product, bsdf, |method, bsdf_sampling| method.bsdf_sampling = bsdf_sampling);
         multiply(&mut product, precisions, |method, precision| method.precision = precision);
         multiply(&mut product, pools, |method, pool| method.pool = pool);
+        multiply(&mut product, limits, |method, limit| method.clamp_indirect = limit);
 
         let mut methods: Vec<Method> = vec![];
         for method in product.into_iter().map(Method::without_idle_choices) {
@@ -177,6 +200,7 @@ impl Method {
             precision: None,
             pool: None,
             model,
+            clamp_indirect: None,
         }
     }
 
@@ -189,7 +213,7 @@ impl Method {
     }
 
     /// Each axis by name, with its value in words.
-    pub fn words(&self) -> [(&'static str, String); 8] {
+    pub fn words(&self) -> [(&'static str, String); 9] {
         let auto = |word: Option<String>| word.unwrap_or_else(|| "auto".into());
         [
             (
@@ -207,6 +231,7 @@ impl Method {
             ("precision", auto(self.precision.map(|precision| precision.to_string()))),
             ("pool", auto(self.pool.map(|paths| paths.to_string()))),
             ("model", self.model.clone().unwrap_or_else(|| "truth".into())),
+            ("clamp-indirect", self.clamp_indirect.map_or("off".into(), |limit| limit.to_string())),
         ]
     }
 
@@ -216,9 +241,10 @@ impl Method {
             ("light-sampling", word) => format!("lights {word}"),
             ("bsdf-sampling", word) => format!("{word} directions"),
             ("pool", word) => format!("pool {word}"),
+            ("clamp-indirect", word) => format!("clamp {word}"),
             (_, word) => word.clone(),
         };
-        let idle = |axis: usize| !matches!(self.engine, Engine::Vulkan(_)) && (1..7).contains(&axis);
+        let idle = |axis: usize| !matches!(self.engine, Engine::Vulkan(_)) && AXES[axis] != "model";
         let differ = |axis: usize| others.iter().any(|other| other.words()[axis].1 != self.words()[axis].1);
         let parts: Vec<String> =
             (0..AXES.len()).filter(|axis| *axis == 0 || (differ(*axis) && !idle(*axis))).map(chosen).collect();
@@ -226,13 +252,17 @@ impl Method {
     }
 }
 
-/// All that there is to know about it, fit for a file's name: `llvmpipe+bvh+sobol+on+lobe+auto+auto+truth`.
+/// All that there is to know about it, fit for a file's name: `llvmpipe+bvh+sobol+on+lobe+auto+auto+truth`, and the limit of indirect
+/// light where there is one.
 impl fmt::Display for Method {
     fn fmt(&self, out: &mut fmt::Formatter) -> fmt::Result {
         let plain = |word: &str| -> String {
             word.chars().map(|char| if char.is_alphanumeric() || "-._".contains(char) { char } else { '_' }).collect()
         };
-        out.write_str(&self.words().map(|(_, word)| plain(&word)).join("+"))
+        let words = self.words().map(|(_, word)| plain(&word));
+        // Without a limit, the names of records that knew of none.
+        let told = if self.clamp_indirect.is_none() { AXES.len() - 1 } else { AXES.len() };
+        out.write_str(&words[..told].join("+"))
     }
 }
 
@@ -251,13 +281,15 @@ mod tests {
             traversal: words(&["bvh", "ray-query"]),
             sampler: words(&["sobol", "pcg"]),
             light_sampling: words(&["on", "off"]),
+            clamp_indirect: words(&["off", "10"]),
             ..Axes::default()
         };
         let methods = axes.methods().unwrap();
-        assert_eq!(methods.len(), 2 * 2 * 2 + 1);
+        assert_eq!(methods.len(), 2 * 2 * 2 * 2 + 1);
         assert_eq!(methods[0].to_string(), "llvmpipe+bvh+sobol+on+lobe+auto+auto+truth");
-        assert_eq!(methods[0].label(&methods), "llvmpipe, bvh, sobol, lights on");
-        assert_eq!(methods[8].label(&methods), "embree");
+        assert_eq!(methods[1].to_string(), "llvmpipe+bvh+sobol+on+lobe+auto+auto+truth+10");
+        assert_eq!(methods[1].label(&methods), "llvmpipe, bvh, sobol, lights on, clamp 10");
+        assert_eq!(methods[16].label(&methods), "embree");
         let mut names: Vec<String> = methods.iter().map(|method| method.label(&methods)).collect();
         names.sort();
         names.dedup();
@@ -273,6 +305,7 @@ mod tests {
             ("bsdf-sampling", "ggx", "lobe, cosine or uniform"),
             ("precision", "bf16", "f32, f16 or auto"),
             ("pool", "0", "at least 1"),
+            ("clamp-indirect", "0", "above 0, or off"),
         ] {
             let mut axes = Axes::default();
             *axes.axis_mut(axis).unwrap() = words(&[word]);

@@ -237,6 +237,7 @@ fn methods(table: &Table) -> Result<Vec<Method>, Error> {
         for item in items {
             let word = match axis {
                 "pool" if item.string().is_err() => item.integer(1, u32::MAX)?.to_string(),
+                "clamp-indirect" if item.string().is_err() => item.number(f32::MIN_POSITIVE, f32::MAX)?.to_string(),
                 _ => item.string()?.to_owned(),
             };
             // Each word by itself, so that the error has its line.
@@ -282,6 +283,7 @@ mod tests {
             device = ["llvmpipe", "embree"]
             sampler = ["sobol", "pcg"]
             pool = 4096
+            clamp_indirect = [0.5, "off"]
             [[methods]]
             device = "llvmpipe"
             light_sampling = "off"
@@ -293,10 +295,11 @@ mod tests {
         assert_eq!(plan.targets, [0.1, 1e-3]);
         assert_eq!(plan.scenes[0].name, "box");
         assert_eq!(plan.scenes[0].models[0].0, "nbrdf");
-        assert_eq!(plan.methods.len(), 4);
+        assert_eq!(plan.methods.len(), 6);
         assert_eq!(plan.methods[0].pool, Some(4096));
-        assert_eq!(plan.methods[2].engine, Engine::Embree);
-        assert!(!plan.methods[3].light_sampling);
+        assert_eq!([0, 1].map(|method| plan.methods[method].clamp_indirect), [Some(0.5), None]);
+        assert_eq!(plan.methods[4].engine, Engine::Embree);
+        assert!(!plan.methods[5].light_sampling);
     }
 
     #[test]
@@ -308,6 +311,7 @@ mod tests {
             ("[[methods]]\nsampler = [\"pcg\", \"halton\"]", ":2:"),
             ("clock = \"sun\"", "\"wall\" or \"cpu\""),
             ("spp = [0]", "from 1"),
+            ("[[methods]]\nclamp_indirect = [10, -1]", "above 0"),
             ("size = [3]", "width and a height"),
         ] {
             let error = read(text).unwrap_err().to_string();
