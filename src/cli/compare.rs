@@ -7,7 +7,7 @@ use anyhow::{Result, bail};
 use neubrdf::converge::{Comparison, difference, write_difference_png};
 use neubrdf::image::{Metadata, read_exr, write_exr};
 
-use super::job::check_writable;
+use super::job::{check_ending, check_outputs};
 
 /// Say how two pictures differ. Exit status 3 if a threshold is exceeded.
 #[derive(clap::Args)]
@@ -53,10 +53,8 @@ fn threshold(word: &str) -> Result<f64, String> {
 /// Reads both, compares, prints.
 pub fn run(arguments: Arguments) -> Result<ExitCode> {
     if let Some(path) = &arguments.output {
-        check_writable(path)?;
-        if !path.extension().is_some_and(|ending| ending == "exr" || ending == "png") {
-            bail!("{}: a difference image is an .exr or a .png", path.display());
-        }
+        check_ending(path, &["exr", "png"])?;
+        check_outputs([path.as_path()], [arguments.picture.as_path(), arguments.reference.as_path()])?;
     }
     let (picture, _) = read_exr(&arguments.picture)?;
     let (reference, _) = read_exr(&arguments.reference)?;
@@ -67,7 +65,7 @@ pub fn run(arguments: Arguments) -> Result<ExitCode> {
         tell!("{comparison}")?;
     }
     if let Some(path) = &arguments.output {
-        match path.extension().is_some_and(|ending| ending == "exr") {
+        match path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("exr")) {
             true => write_exr(path, &difference(&picture, &reference)?, &Metadata::default())?,
             false => write_difference_png(path, &picture, &reference, 0.1)?,
         }
