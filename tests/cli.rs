@@ -302,13 +302,17 @@ fn compare_exits_by_its_thresholds() {
 
 /// Samples of a matte material, as a CSV.
 fn matte_samples(directory: &Path) -> PathBuf {
+    samples(&directory.join("matte.csv"), 150, 0)
+}
+
+/// So many of them, of azimuths of ωi so far apart: 0 is what makes it isotropic.
+fn samples(path: &Path, count: usize, turn: usize) -> PathBuf {
     let mut rows = String::from("wi_theta,wi_phi,wo_theta,wo_phi,r,g,b\n");
-    for i in 0..150 {
-        rows += &format!("{},0,{},{},0.2,0.1,0.05\n", i * 7 % 80, i * 11 % 80, i * 37 % 360);
+    for i in 0..count {
+        rows += &format!("{},{},{},{},0.2,0.1,0.05\n", i * 7 % 80, i * turn % 360, i * 11 % 80, i * 37 % 360);
     }
-    let path = directory.join("matte.csv");
-    std::fs::write(&path, rows).unwrap();
-    path
+    std::fs::write(path, rows).unwrap();
+    path.to_owned()
 }
 
 #[test]
@@ -393,6 +397,23 @@ fn materials_are_grouped_and_trained_together() {
     assert!(error(&["--share", "--name", "red"]).contains("several"));
     assert!(error(&["--share", "--recipe", "unquantised"]).contains("codebooks"));
     assert!(fail(&["train", inputs[0], inputs[0], "-o", text(&out), "--share"]).contains("`red`"));
+}
+
+/// Functions and measurements, isotropic or not, many or few, are learned on grids of their own and still share codebooks.
+#[test]
+fn what_is_known_everywhere_shares_with_what_is_not() {
+    let directory = tempfile::tempdir().unwrap();
+    let at = |name: &str| directory.path().join(name);
+    let function = concat!(env!("CARGO_MANIFEST_DIR"), "/scenes/materials/gold_satin.toml");
+    let (matte, few, many) =
+        (matte_samples(directory.path()), samples(&at("few.csv"), 100, 23), samples(&at("many.csv"), 400, 23));
+    let pack = at("group.neubrdf");
+    let inputs = [function, text(&matte), text(&few), text(&many)];
+    let how = ["--share", "-o", text(&pack), "--quality", "draft", "--steps", "40", "--hidden", "16", "--no-report"];
+    succeed(&[&["train"], &inputs[..], &how].concat());
+    let facts: serde_json::Value = serde_json::from_str(&succeed(&["material", text(&pack), "--json"])).unwrap();
+    let n_side = |name: &str| facts["materials"][name]["wo"]["n_side"].as_u64();
+    assert_eq!(["gold_satin", "matte", "few", "many"].map(n_side), [16, 1, 1, 2].map(Some));
 }
 
 #[test]

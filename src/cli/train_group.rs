@@ -113,8 +113,8 @@ fn numbered(path: &Path, index: usize, count: usize) -> PathBuf {
     path.with_file_name(format!("{stem}-{}{ending}", index + 1))
 }
 
-/// A plan of all members, which have one recipe, but the grid that suits their measurements. Codes are shared better on several resolutions
-/// (docs/sharing.md); few measurements may have no room for them.
+/// Plans of all members, which have one recipe, but the grid that suits their measurements, and as many resolutions as the coarsest grid has
+/// room for. Codes are shared better on several (docs/sharing.md); few measurements may have no room for them.
 fn plans(arguments: &Arguments, members: &[&Member]) -> Vec<Plan> {
     let Arguments { recipe, resolutions, features, codes, .. } = *arguments;
     let is_isotropic = members.iter().all(|member| member.input.brdf.is_isotropic());
@@ -125,7 +125,9 @@ fn plans(arguments: &Arguments, members: &[&Member]) -> Vec<Plan> {
         let plan = if is_free && are_functions { plan.of_several_resolutions() } else { plan };
         plan.for_group(members.len(), codes)
     };
-    members.iter().map(of).collect()
+    let plans: Vec<Plan> = members.iter().map(of).collect();
+    let resolutions = plans.iter().map(|plan| plan.resolutions).min().unwrap_or(1);
+    plans.into_iter().map(|plan| Plan { resolutions, ..plan }).collect()
 }
 
 fn train_group(

@@ -30,7 +30,7 @@ pub struct Group {
 }
 
 impl Group {
-    /// Of trainings that have not begun, with plans that differ in their grids at most.
+    /// Of trainings that have not begun, with plans that differ in N_side at most, and in whether albedos are held below 1.
     ///
     /// # Errors
     /// There is none, they are of a kind that has no codebook, or they differ in more.
@@ -43,9 +43,10 @@ impl Group {
         if first.surface.is_some() {
             return refuse("--share", "a material that varies".to_owned(), "materials that do not vary over a texture");
         }
-        let is_alike = |plan: &Plan| Plan { n_side: first.n_side, ..plan.clone() } == first;
+        // What an albedo counts is added to a member's own gradient.
+        let is_alike = |plan: &Plan| Plan { n_side: first.n_side, energy: first.energy, ..plan.clone() } == first;
         if let Some(other) = members.iter().find(|member| !is_alike(&member.plan)) {
-            return refuse("--share", format!("{:?}", other.plan), "equal plans but for N_side");
+            return refuse("--share", format!("{:?}", other.plan), "equal plans but for N_side and energy");
         }
         let mut group = Group { members, shares_network };
         if group.is_quantised() {
