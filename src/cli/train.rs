@@ -140,6 +140,12 @@ pub fn run(arguments: Arguments) -> Result<ExitCode> {
         bail!("--compare-recipes: NBRDFs are trained by one recipe");
     }
     let plan = plan(&arguments, &input, input.brdf.is_isotropic_in_frames());
+    let others = Recipe::value_variants().iter().filter(|recipe| **recipe != arguments.recipe);
+    let others: Vec<Plan> = others
+        .filter(|_| arguments.compare_recipes)
+        .map(|recipe| recipe_plan(&arguments, &input, *recipe, input.brdf.is_isotropic_in_frames()))
+        .collect();
+    others.iter().try_for_each(Plan::validate)?;
     let eval = |wo: DVec3, wi: DVec3| input.brdf.eval(wo, wi);
     let mut session = Session::new(plan, &input.ground_truth(&eval))?;
     if let Some(path) = arguments.checkpoint.as_deref().filter(|_| arguments.resume) {
@@ -177,9 +183,8 @@ pub fn run(arguments: Arguments) -> Result<ExitCode> {
         let errors = comparison.errors.clone();
         recipes.push(RecipeResult { recipe: arguments.recipe, bytes: bytes.len(), seconds, errors });
         let is_interrupted = || interrupted.load(Ordering::SeqCst);
-        let others = Recipe::value_variants().iter().filter(|recipe| **recipe != arguments.recipe);
-        for recipe in others.take_while(|_| !is_interrupted()) {
-            let plan = recipe_plan(&arguments, &input, *recipe, input.brdf.is_isotropic_in_frames());
+        for plan in others.into_iter().take_while(|_| !is_interrupted()) {
+            let recipe = plan.recipe;
             let mut session = Session::new(plan, &input.ground_truth(&eval))?;
             let seconds = train(&mut session, None, &interrupted, arguments.quiet)?;
             if is_interrupted() {
@@ -187,7 +192,7 @@ pub fn run(arguments: Arguments) -> Result<ExitCode> {
             }
             let file = finished(&session).context("a recipe trains NeuBRDFs")?.encode(precision)?;
             let errors = measure(&Evaluator::neubrdf(&NeuBrdf::decode(&file)?), BALL).errors;
-            recipes.push(RecipeResult { recipe: *recipe, bytes: file.len(), seconds, errors });
+            recipes.push(RecipeResult { recipe, bytes: file.len(), seconds, errors });
         }
         if is_interrupted() {
             // What was broken off compares with nothing.

@@ -41,7 +41,7 @@ pub enum Quality {
 }
 
 /// What an index of 16 bits can name, besides nothing.
-const MOST_CODES: usize = (u16::MAX - 1) as usize;
+pub(super) const MOST_CODES: usize = (u16::MAX - 1) as usize;
 
 /// Codes of a hemisphere that groups share, unless the user says otherwise.
 const GROUP_CODES: usize = 1024;
@@ -250,8 +250,17 @@ impl Plan {
             true => Ok(()),
             false => Err(Error::Plan { name, found, expected }),
         };
-        self.grids()?;
-        self.surface_grid()?;
+        let finest = self.grids()?.into_iter().take(2).map(|grid| grid.point_count()).max().unwrap_or(0);
+        // Where albedos are held below 1, points that no measurement is next to name others.
+        let n_side = || format!("{:?}", self.n_side);
+        check("--n-side", self.energy == 0.0 || finest <= MOST_CODES, n_side(), "at most 64 to learn measurements on")?;
+        let texels = self.surface_grid()?.map_or(0, |grid| grid.point_count());
+        check(
+            "--texels",
+            self.recipe != Recipe::Unquantised || texels <= MOST_CODES,
+            format!("{texels}, those of coarser levels included"),
+            "at most 65534 with features of their own, or a recipe with codebooks instead of --recipe unquantised",
+        )?;
         let between = |count: usize, least: usize, most: usize| (least..=most).contains(&count);
         check("--features", between(self.features, 1, 32), self.features.to_string(), "1 to 32")?;
         let texel = self.surface.map_or(1, |surface| surface.features);

@@ -61,13 +61,13 @@ pub fn sphere_tables(trained: &[TrainedPoints]) -> Vec<SphereTable> {
     let mut codes = Vec::new();
     let numbered = |TrainedPoints { table, grid, seen }: &TrainedPoints| {
         let mut result = whole_table(*grid);
-        let kept = kept_points(*grid, seen);
+        let kept = result.known_points(|pixel| seen[pixel as usize]);
         for (point, index) in result.indices.iter_mut().enumerate().filter(|(point, _)| kept[*point]) {
             let code = table.indices[point] as usize;
             let next = codes.len() / features;
             *index = *number[code].get_or_insert_with(|| {
                 codes.extend(&all[code * features..][..*features]);
-                // Codes that points of their own name may be more than files can number; after pruning few are left.
+                // Features of points' own may be more than files can number, before they are given codes.
                 next.min(usize::from(NO_CODE) - 1) as u16
             });
         }
@@ -94,15 +94,6 @@ pub fn surface_table(table: &Table, grid: SurfaceGrid, frames: SurfaceFrames) ->
     }
 }
 
-/// The corners of pixels that pairs lie in.
-fn kept_points(grid: SphereGrid, seen: &[bool]) -> Vec<bool> {
-    let mut kept = vec![false; grid.point_count()];
-    for (_, corners) in grid.pixels().filter(|(pixel, _)| seen[*pixel as usize]) {
-        corners.into_iter().for_each(|corner| kept[corner as usize] = true);
-    }
-    kept
-}
-
 /// A grid in which each point counts, before it has codes.
 pub fn whole_table(grid: SphereGrid) -> SphereTable {
     let codebook = Arc::new(Codebook { features: 1, codes: Vec::new() });
@@ -112,9 +103,8 @@ pub fn whole_table(grid: SphereGrid) -> SphereTable {
 /// A grid in which pixels that no pair lies in are merged, and each point names a point whose features it has, itself if it can.
 pub fn merged_table(grid: SphereGrid, seen: &[bool]) -> SphereTable {
     let mut table = whole_table(grid);
-    // Grids whose points are more than can be named are far finer than those that measurements are learned on.
-    let most = usize::from(NO_CODE) - 1;
-    table.indices = (0..grid.point_count()).map(|point| point.min(most) as u16).collect();
+    // A plan with points that cannot be named is not valid.
+    table.indices = (0..grid.point_count()).map(|point| point as u16).collect();
     table.prune(|pixel| seen[pixel as usize]);
     table
 }

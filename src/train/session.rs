@@ -10,7 +10,7 @@ use super::energy::{self, Probes};
 use super::gather::{Corners, in_frame};
 use super::network::Network;
 use super::pairs::{GroundTruth, Pair, about_frames};
-use super::plan::{Model, Plan, Recipe};
+use super::plan::{MOST_CODES, Model, Plan, Recipe};
 use super::prune::prune_neurons;
 use super::random::Random;
 use super::result::{TrainedPoints, layers, merged_table, nbrdf, sphere_tables, surface_table, whole_table};
@@ -100,6 +100,7 @@ impl Session {
             Model::Nbrdf => direct_inputs(&pairs, is_isotropic),
             Model::NeuBrdf => corner_inputs(&plan, is_isotropic, &pairs, &mut hemispheres),
         };
+        check_names(&plan, &hemispheres)?;
         let targets = pairs.iter().map(|pair| target(pair, encoding, plan.recipe)).collect();
         let place = |pair: &Pair| [pair.uv.x, pair.uv.y, pair.area];
         let mut places = texels.map(|grid| Places { grid, at: pairs.iter().map(place).collect() });
@@ -390,6 +391,24 @@ fn corner_inputs(plan: &Plan, is_isotropic: bool, pairs: &[Pair], hemispheres: &
         }
     }
     Inputs::Corners(tables.len(), located.into_iter().map(|(corners, _)| corners).collect())
+}
+
+/// Errors if points with features of their own are more than indices can name.
+fn check_names(plan: &Plan, hemispheres: &[Hemisphere]) -> Result<(), Error> {
+    if plan.recipe != Recipe::Unquantised {
+        return Ok(());
+    }
+    let known = |Hemisphere { grid, seen, .. }: &Hemisphere| {
+        whole_table(*grid).known_points(|pixel| seen[pixel as usize]).into_iter().filter(|is_known| *is_known).count()
+    };
+    match hemispheres.iter().map(known).find(|points| *points > MOST_CODES) {
+        None => Ok(()),
+        Some(points) => Err(Error::Plan {
+            name: "--n-side",
+            found: format!("{:?}, of which {points} points are needed", plan.n_side),
+            expected: "at most 65534 points with features of their own, or a recipe with codebooks instead of --recipe unquantised",
+        }),
+    }
 }
 
 /// Adds what the network sees of pairs that are asked for an albedo: pixels that no pair to learn from lies in are merged.

@@ -318,6 +318,13 @@ fn plans_beyond_reason_are_errors() {
     assert!(error(Plan { batch: 100, ..small(Recipe::Default) }).contains("--batch"));
     assert!(error(Plan { steps: 0, ..small(Recipe::Default) }).contains("--steps"));
     assert!(error(Plan { codes: [1, 9], ..small(Recipe::Default) }).contains("--codes"));
+    let many_texels = small(Recipe::Unquantised).over([256, 256]);
+    assert!(error(many_texels).contains("--texels"));
+    let matte = |_: DVec3, _: DVec3| DVec3::ONE;
+    let anisotropic = GroundTruth::Function { eval: &matte, is_isotropic: false };
+    let many_points = Plan { n_side: [128; 2], pairs: 1 << 19, ..small(Recipe::Unquantised) };
+    assert!(Session::new(many_points, &anisotropic).map(|_| ()).unwrap_err().to_string().contains("--n-side"));
+    assert!(error(Plan { n_side: [128; 2], ..small(Recipe::Default).for_samples(9) }).contains("--n-side"));
     let nothing = GroundTruth::Samples { pairs: Vec::new(), is_isotropic: true };
     assert!(Session::new(small(Recipe::Default), &nothing).is_err());
 }

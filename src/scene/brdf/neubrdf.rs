@@ -103,7 +103,7 @@ impl SphereTable {
     }
 
     /// The points that data was seen next to: corners of pixels with data.
-    fn known_points(&self, has_data: impl Fn(u32) -> bool) -> Vec<bool> {
+    pub(crate) fn known_points(&self, has_data: impl Fn(u32) -> bool) -> Vec<bool> {
         let mut is_known = vec![false; self.grid.point_count()];
         for (pixel, corners) in self.grid.pixels() {
             if has_data(pixel) {
