@@ -151,9 +151,15 @@ impl Session {
 
     /// Prunes the network, if that is due before the next step.
     pub(super) fn prune_in_time(&mut self) {
-        let Plan { model, recipe, pruned, hidden, .. } = self.plan;
-        let prunes = model == Model::NeuBrdf && recipe == Recipe::Paper && pruned < hidden;
-        if prunes && self.trainer.step == self.step_at(PRUNE_AT) {
+        if self.trainer.step == self.step_at(PRUNE_AT) {
+            self.prune();
+        }
+    }
+
+    /// Prunes the network, unless it is as narrow as is planned.
+    fn prune(&mut self) {
+        let Plan { model, recipe, pruned, .. } = self.plan;
+        if model == Model::NeuBrdf && recipe == Recipe::Paper && self.trainer.network.shapes[0].outputs > pruned {
             self.trainer.replace_network(prune_neurons(&self.trainer.network, pruned));
         }
     }
@@ -184,14 +190,16 @@ impl Session {
 
     pub(super) fn rates(&self) -> Rates {
         let Plan { recipe, network_rate, table_rate, steps, .. } = self.plan;
-        let at = self.trainer.step as f32 / steps as f32;
-        let warm = ((self.trainer.step as f32 + 1.0) / WARM_UP).min(1.0);
+        let step = self.trainer.step;
+        // Winding down, rates fall from what they were when that began.
+        let (from, left) = match self.end {
+            None => (step, 1.0),
+            Some([start, end]) => (start, (end - step) as f32 / (end - start).max(1) as f32),
+        };
+        let at = from as f32 / steps as f32;
+        let warm = ((step as f32 + 1.0) / WARM_UP).min(1.0);
         if recipe != Recipe::Paper {
-            let mut falling = 0.5 * (1.0 + (PI * at).cos()) * warm;
-            if let Some([start, end]) = self.end {
-                let start_rate = 0.5 * (1.0 + (PI * start as f32 / steps as f32).cos());
-                falling = start_rate * (end - self.trainer.step) as f32 / (end - start).max(1) as f32;
-            }
+            let falling = 0.5 * (1.0 + (PI * at).cos()) * warm * left;
             let weighs = if self.is_isotropic { Weighs::Fit } else { Weighs::Truth };
             return Rates {
                 network: network_rate * falling,
@@ -208,7 +216,7 @@ impl Session {
             _ => 0.03,
         };
         let joint = at / PRUNE_AT;
-        if joint < 1.0 {
+        if joint < 1.0 && self.end.is_none() {
             let falling = multi_step(joint) * warm;
             Rates {
                 network: network_rate * falling,
@@ -218,17 +226,18 @@ impl Session {
                 sparsity: SPARSITY,
             }
         } else {
-            let falling = multi_step((at - PRUNE_AT) / (1.0 - PRUNE_AT));
+            let falling = multi_step((at - PRUNE_AT) / (1.0 - PRUNE_AT)) * left;
             Rates { network: PRUNED_RATE * falling, tables: 0.0, temperature: 0.5, loss: Loss::Absolute, sparsity: 0.0 }
         }
     }
 
-    /// Ends soon: the rates fall to 0 within a twentieth of the planned steps, so that an interrupted training ends as one that
-    /// was planned shorter.
+    /// Ends soon: points are given codes and neurons pruned where that is still to come, and the rates fall to 0 within a twentieth of the
+    /// planned steps, so that an interrupted training ends as one that was planned shorter.
     pub fn wind_down(&mut self) {
         let start = self.trainer.step;
         if self.end.is_none() {
             self.quantise();
+            self.prune();
             self.end = Some([start, self.plan.steps.min(start + self.plan.steps.div_ceil(20))]);
         }
     }

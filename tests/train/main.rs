@@ -192,6 +192,27 @@ fn winding_down_ends_soon_and_with_less_error() {
     assert!(session.loss() < before, "{} after {before}", session.loss());
 }
 
+/// Before neurons are pruned, and after, when the rates have fallen but little.
+#[test]
+fn winding_down_the_papers_recipe_prunes_and_ends_with_small_steps() {
+    for begun in [300, 1450, 1600] {
+        let plan = Plan { steps: 2000, codes: [16; 2], pruned: 16, ..small(Recipe::Paper) };
+        let mut session = Session::new(plan, &isotropic(&satin)).unwrap();
+        (0..begun).for_each(|_| session.step());
+        session.wind_down();
+        let weights = |session: &Session| -> Vec<f32> {
+            let layers = session.neubrdf().unwrap().layers;
+            assert!(layers.iter().take(3).all(|layer| layer.outputs == 16));
+            layers.into_iter().flat_map(|layer| layer.weights).collect()
+        };
+        (0..99).for_each(|_| session.step());
+        let before = weights(&session);
+        session.step();
+        let moved = before.iter().zip(weights(&session)).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
+        assert!(session.is_done() && moved < 2e-4, "from step {begun} on: {moved} in the last step");
+    }
+}
+
 /// Isotropic materials need half of one hemisphere and a line of the other; what is dropped changes nothing that is asked for.
 #[test]
 fn points_that_no_pair_needs_are_dropped() {
