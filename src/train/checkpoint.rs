@@ -30,7 +30,7 @@ struct Header {
 #[serde(deny_unknown_fields)]
 struct SessionHeader {
     plan: Plan,
-    /// [`super::trainer::Pool::hash`].
+    /// What tells the pairs from others.
     pairs: String,
     step: u32,
     adam_step: u32,
@@ -56,7 +56,7 @@ impl Session {
         let trainer = &self.trainer;
         SessionHeader {
             plan: self.plan.clone(),
-            pairs: trainer.pairs_hash(),
+            pairs: self.pairs_hash.clone(),
             step: trainer.step,
             adam_step: trainer.adam_step,
             loss: self.loss.to_bits(),
@@ -127,7 +127,7 @@ fn restore(path: &Path, sessions: &mut [Session], shares_network: Option<bool>) 
         ("the version", header.version == env!("CARGO_PKG_VERSION")),
         ("what is shared", header.shares_network == shares_network),
         ("the plan (model, recipe, quality, seed or a size)", all(|saved, session| saved.plan == session.plan)),
-        ("the input", all(|saved, session| saved.pairs == session.trainer.pairs_hash())),
+        ("the input, or the program that saved it,", all(|saved, session| saved.pairs == session.pairs_hash)),
     ] {
         if !is_equal {
             return Err(Error::CheckpointMismatch { path: path.to_owned(), what });

@@ -2,6 +2,7 @@
 
 use std::f64::consts::{FRAC_PI_2, TAU};
 
+use bytemuck::{Pod, Zeroable};
 use glam::{DQuat, DVec2, DVec3, Vec2, Vec3};
 use rayon::prelude::*;
 
@@ -165,7 +166,8 @@ const GRAZING: f64 = 0.15;
 const DRAWN_TOGETHER: usize = 1024;
 
 /// A pair of directions, z along the normal, and the BRDF there, sr⁻¹, RGB.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+#[repr(C)]
 pub struct Pair {
     /// Towards the viewer.
     pub wo: Vec3,

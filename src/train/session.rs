@@ -53,6 +53,8 @@ pub struct Session {
     /// The model.
     pub(super) trainer: Trainer,
     is_isotropic: bool,
+    /// What tells its pairs from others.
+    pub(super) pairs_hash: String,
     encoding: Encoding,
     /// The grids of ωi and ωo by turns, the finest first.
     pub(super) hemispheres: Vec<Hemisphere>,
@@ -85,6 +87,7 @@ impl Session {
         let pairs = truth.pairs(plan.pairs, plan.seed, texels);
         let pairs = about_frames(pairs, &texels.unwrap_or_default(), &frames);
         let is_isotropic = truth.is_isotropic();
+        let pairs_hash = pairs_hash(&pairs, is_isotropic);
         let encoding = encoding(&pairs).ok_or(Error::Empty)?;
         // Shards take whole blocks: few samples are taken several times over.
         let count = pairs.len().max(plan.batch).next_multiple_of(plan.batch);
@@ -113,7 +116,8 @@ impl Session {
         let pool = Pool { targets, inputs, places, probes };
         let (network, tables, head) = start(&plan, &hemispheres, texels, encoding);
         let trainer = Trainer::new(network, tables, head, pool, plan.seed);
-        Ok(Session { plan, trainer, is_isotropic, encoding, hemispheres, texels, frames, loss: f64::NAN, end: None })
+        let loss = f64::NAN;
+        Ok(Session { plan, trainer, is_isotropic, pairs_hash, encoding, hemispheres, texels, frames, loss, end: None })
     }
 
     /// Whether all steps are done.
@@ -440,6 +444,14 @@ fn add_probes(inputs: &mut Inputs, probes: &[Pair], plan: &Plan, is_isotropic: b
             }
         }
     }
+}
+
+/// Of all that a training sees of its pairs.
+fn pairs_hash(pairs: &[Pair], is_isotropic: bool) -> String {
+    let mut hasher = blake3::Hasher::new();
+    hasher.update(&[u8::from(is_isotropic)]);
+    hasher.update(bytemuck::cast_slice(pairs));
+    hasher.finalize().to_hex().to_string()
 }
 
 /// The encoding that suits these values: its gain is so high that the darker fifth of them still counts.

@@ -311,11 +311,6 @@ impl Trainer {
         self.tables.iter_mut().all(Table::look_up)
     }
 
-    /// What tells these pairs from others.
-    pub fn pairs_hash(&self) -> String {
-        blake3::hash(bytemuck::cast_slice(&self.pool.targets)).to_hex().to_string()
-    }
-
     /// The blocks of the view whose albedo is looked at in the next step, if one is.
     fn probe_blocks(&self) -> Range<u32> {
         let Some(probes) = &self.pool.probes else { return 0..0 };

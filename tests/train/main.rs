@@ -173,6 +173,19 @@ fn a_checkpoint_of_something_else_is_an_error() {
     };
     assert!(restore(Plan { seed: 1, ..small(Recipe::Default) }, &satin).unwrap_err().contains("the plan"));
     assert!(restore(small(Recipe::Default), &|_, _| DVec3::ONE).unwrap_err().contains("the input"));
+    // Values may stay as they are and directions and places not.
+    let pair = Pair { wo: glam::Vec3::Z, wi: glam::Vec3::Z, value: glam::Vec3::ONE, ..Pair::default() };
+    let [turned, moved] = [Pair { wo: glam::Vec3::new(0.6, 0.0, 0.8), ..pair }, Pair { uv: glam::Vec2::X, ..pair }];
+    let session = |pair| {
+        let truth = GroundTruth::Samples { pairs: vec![pair], is_isotropic: true };
+        Session::new(small(Recipe::Default), &truth).unwrap()
+    };
+    let samples = directory.path().join("samples");
+    session(pair).save(&samples).unwrap();
+    session(pair).restore(&samples).unwrap();
+    for other in [turned, moved] {
+        assert!(session(other).restore(&samples).unwrap_err().to_string().contains("the input"));
+    }
     let bytes = std::fs::read(&path).unwrap();
     for length in [0, 7, 20, bytes.len() / 2, bytes.len() - 1] {
         std::fs::write(&path, &bytes[..length]).unwrap();
