@@ -1,11 +1,12 @@
 //! Whether a BRDF is one: reciprocal, no source of light, nowhere negative or undefined.
 
-use std::f64::consts::{FRAC_PI_2, PI};
+use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
 use glam::DVec3;
 use serde::Serialize;
 
 use super::measure::{Eval, directional_albedo};
+use super::pairs::direction;
 use crate::scene::brdf::SurfaceFrame;
 
 /// What was found over a dense grid of directions.
@@ -45,10 +46,10 @@ impl Check {
 
 /// θ of the grid, uniform from the normal to just above the surface.
 const THETAS: usize = 46;
-/// Differences of azimuth, uniform over half a turn.
+/// Differences of azimuth, uniform over half a turn, both ends included. Where the BRDF is not isotropic they go on over the other half.
 const PHIS: usize = 37;
-/// Azimuths of ωo where the BRDF is not isotropic, over half a turn.
-const TURNS: usize = 8;
+/// Azimuths of ωo where the BRDF is not isotropic, over a whole turn: what leans looks different from behind.
+const TURNS: usize = 12;
 /// The lowest directions, degrees.
 const LOWEST: f64 = 89.9;
 /// Points of an albedo.
@@ -56,15 +57,15 @@ const ALBEDO_POINTS: usize = 4096;
 
 /// Looks at a BRDF whose lobes lie in a frame.
 pub fn check(is_isotropic: bool, frame: SurfaceFrame, eval: Eval) -> Check {
-    let turns = if is_isotropic { 1 } else { TURNS };
-    let direction = |theta: f64, phi: f64| DVec3::new(theta.sin() * phi.cos(), theta.sin() * phi.sin(), theta.cos());
+    // The last difference of a whole turn would be the first.
+    let (turns, phis) = if is_isotropic { (1, PHIS) } else { (TURNS, 2 * (PHIS - 1)) };
     let thetas: Vec<f64> = (0..THETAS).map(|i| (LOWEST * i as f64 / (THETAS - 1) as f64).to_radians()).collect();
-    let azimuths: Vec<f64> = (0..turns).map(|turn| PI * turn as f64 / turns as f64).collect();
+    let azimuths: Vec<f64> = (0..turns).map(|turn| TAU * turn as f64 / turns as f64).collect();
     let mut pairs = Vec::new();
     for (theta_o, phi_o) in thetas.iter().flat_map(|theta| azimuths.iter().map(move |phi| (*theta, *phi))) {
         let wo = direction(theta_o, phi_o);
         for theta_i in &thetas {
-            pairs.extend((0..PHIS).map(|k| [wo, direction(*theta_i, phi_o + PI * k as f64 / (PHIS - 1) as f64)]));
+            pairs.extend((0..phis).map(|k| [wo, direction(*theta_i, phi_o + PI * k as f64 / (PHIS - 1) as f64)]));
         }
     }
     let swapped: Vec<[DVec3; 2]> = pairs.iter().map(|[wo, wi]| [*wi, *wo]).collect();

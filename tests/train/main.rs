@@ -332,6 +332,13 @@ fn a_check_finds_what_is_wrong() {
     let broken =
         |pairs: &[[DVec3; 2]]| pairs.iter().map(|[wo, wi]| DVec3::splat((wi.z - wo.z).ln())).collect::<Vec<_>>();
     assert!(check(true, SurfaceFrame::OWN, &broken).non_finite > 0);
+    // Of what is not isotropic, from all around and on either side of each view.
+    let of = |value: fn(DVec3, DVec3) -> f64| {
+        let eval = move |pairs: &[[DVec3; 2]]| pairs.iter().map(|[wo, wi]| DVec3::splat(value(*wo, *wi))).collect();
+        check(false, SurfaceFrame::OWN, &eval)
+    };
+    assert!(of(|wo, _| 0.1 * (1.0 - wo.y)).max_albedo_at[1] > 180.0);
+    assert!(of(|wo, _| 0.9 + wo.y).negative > 0 && of(|wo, wi| 0.9 + wo.cross(wi).z).negative > 0);
     // As bright from everywhere, about a normal that leans.
     let frame = SurfaceFrame { normal: DVec3::new(0.36, 0.48, 0.8), ..SurfaceFrame::OWN };
     let received = |[wo, wi]: &[DVec3; 2]| frame.turned(*wo, *wi).map_or(0.0, |(_, received)| received);
