@@ -33,6 +33,8 @@ mod vector;
 
 use std::path::PathBuf;
 
+use glam::Vec3;
+
 pub use albedo::Views;
 pub use evaluator::Evaluator;
 pub use group::Group;
@@ -59,6 +61,16 @@ pub enum Error {
     /// There are no pairs.
     #[error("there is nothing to learn from: no samples")]
     Empty,
+    /// The ground truth is no BRDF somewhere.
+    #[error("the BRDF to learn: found {value} for ωo {wo} and ωi {wi}, expected finite numbers, none negative")]
+    Value {
+        /// Towards the viewer.
+        wo: Vec3,
+        /// Towards the light.
+        wi: Vec3,
+        /// sr⁻¹, RGB.
+        value: Vec3,
+    },
     /// The system refused a checkpoint.
     #[error("{}: {source}", path.display())]
     CheckpointFile {

@@ -79,12 +79,13 @@ impl Session {
     /// Asks the ground truth for its pairs and makes a model that knows nothing yet.
     ///
     /// # Errors
-    /// The plan is beyond what is possible, or there is nothing to learn from.
+    /// The plan is beyond what is possible, there is nothing to learn from, or values that no BRDF has.
     pub fn new(plan: Plan, truth: &GroundTruth) -> Result<Session, Error> {
         plan.validate()?;
         let (grids, texels) = (plan.grids()?, plan.surface_grid()?);
         let frames = texels.map_or_else(SurfaceFrames::default, |grid| truth.frames(grid));
         let pairs = truth.pairs(plan.pairs, plan.seed, texels);
+        check_values(&pairs)?;
         let pairs = about_frames(pairs, &texels.unwrap_or_default(), &frames);
         let is_isotropic = truth.is_isotropic();
         let pairs_hash = pairs_hash(&pairs, is_isotropic);
@@ -443,6 +444,15 @@ fn add_probes(inputs: &mut Inputs, probes: &[Pair], plan: &Plan, is_isotropic: b
                 }));
             }
         }
+    }
+}
+
+/// Errors if a value is not finite or negative.
+fn check_values(pairs: &[Pair]) -> Result<(), Error> {
+    let is_wrong = |pair: &&Pair| !(pair.value.is_finite() && pair.value.min_element() >= 0.0);
+    match pairs.iter().find(is_wrong) {
+        None => Ok(()),
+        Some(Pair { wo, wi, value, .. }) => Err(Error::Value { wo: *wo, wi: *wi, value: *value }),
     }
 }
 

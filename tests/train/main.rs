@@ -348,7 +348,7 @@ fn a_check_finds_what_is_wrong() {
 }
 
 #[test]
-fn plans_beyond_reason_are_errors() {
+fn what_cannot_be_trained_is_an_error() {
     let error = |plan: Plan| Session::new(plan, &isotropic(&satin)).map(|_| ()).unwrap_err().to_string();
     assert!(error(Plan { n_side: [16, 256], ..small(Recipe::Default) }).contains("--n-side"));
     assert!(error(Plan { resolutions: 4, ..small(Recipe::Default) }).contains("--resolutions"));
@@ -366,6 +366,15 @@ fn plans_beyond_reason_are_errors() {
     let many_points = Plan { n_side: [128; 2], pairs: 1 << 19, ..small(Recipe::Unquantised) };
     assert!(Session::new(many_points, &anisotropic).map(|_| ()).unwrap_err().to_string().contains("--n-side"));
     assert!(error(Plan { n_side: [128; 2], ..small(Recipe::Default).for_samples(9) }).contains("--n-side"));
+    for value in [f32::NAN, f32::INFINITY, -0.5] {
+        let eval = |wo: DVec3, _: DVec3| DVec3::new(0.1, if wo.z < 0.5 { value.into() } else { 0.1 }, 0.1);
+        let pairs =
+            vec![Pair { wo: glam::Vec3::Z, wi: glam::Vec3::Z, value: glam::Vec3::splat(value), ..Pair::default() }];
+        for truth in [isotropic(&eval), GroundTruth::Samples { pairs, is_isotropic: true }] {
+            let error = Session::new(small(Recipe::Default), &truth).map(|_| ()).unwrap_err().to_string();
+            assert!(error.contains("ωo [") && error.contains(&value.to_string()), "{error}");
+        }
+    }
     let nothing = GroundTruth::Samples { pairs: Vec::new(), is_isotropic: true };
     assert!(Session::new(small(Recipe::Default), &nothing).is_err());
 }
