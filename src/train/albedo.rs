@@ -17,7 +17,7 @@ use rayon::prelude::*;
 
 use super::evaluator::Evaluator;
 use super::gather::in_frame;
-use super::measure::{Eval, Query, albedo_points};
+use super::measure::{BLACK, Eval, Query, albedo_points};
 use super::network::Shard;
 use super::product::padded;
 use crate::scene::brdf::{Encoding, Footprint, Gathered, NO_CODE, NeuBrdf};
@@ -123,7 +123,7 @@ impl View {
 
     /// What gaps are parts of: the albedo, but of a channel that is all but black a little of the brightest.
     fn unit(&self) -> DVec3 {
-        self.albedo.max(DVec3::splat(0.02 * self.albedo.max_element())).max(DVec3::splat(1e-6))
+        self.albedo.max(DVec3::splat(0.02 * self.albedo.max_element())).max(DVec3::splat(BLACK))
     }
 }
 

@@ -57,7 +57,7 @@ pub struct Comparison {
 pub struct PairErrors {
     /// Mean of |Δ ln(1 + f)|.
     pub log: f64,
-    /// Root mean square of Δ(f cos θi) over that of f cos θi.
+    /// Root mean square of Δ(f cos θi) over that of f cos θi, which counts as 10⁻⁶ at least.
     pub relative_rmse: f64,
     /// [θh in degrees, mean of |Δ ln(1 + f)|].
     pub log_by_half_angle: Vec<[f64; 2]>,
@@ -90,11 +90,14 @@ pub struct AlbedoError {
 }
 
 impl AlbedoError {
-    /// (fit − truth) / truth.
+    /// (fit − truth) / truth, which counts as 10⁻⁶ at least.
     pub fn relative(&self) -> f64 {
-        (self.fit - self.truth) / self.truth.max(1e-300)
+        (self.fit - self.truth) / self.truth.max(BLACK)
     }
 }
+
+/// Albedos and f cos θ below this count as this, so that errors are no multiples of next to nothing.
+pub(super) const BLACK: f64 = 1e-6;
 
 /// Bins of errors by angle, 3° each.
 const BINS: usize = 30;
@@ -171,7 +174,8 @@ pub fn pair_errors_at(count: usize, seed: u64, fit: EvalAt, truth: EvalAt) -> Pa
             .map(|(bin, [sum, count])| [middle(bin), sum / count])
             .collect()
     });
-    PairErrors { log, relative_rmse: (square / norm.max(1e-300)).sqrt(), log_by_half_angle, log_by_view_angle }
+    let norm = norm.max(count as f64 * BLACK * BLACK);
+    PairErrors { log, relative_rmse: (square / norm).sqrt(), log_by_half_angle, log_by_view_angle }
 }
 
 /// Directional albedo, ∫ f(ωo, ωi) cos θi dωi, RGB, by `count` points that crowd where lobes are. Exact enough to compare two

@@ -320,6 +320,15 @@ fn a_trained_nbrdf_is_read_back_as_what_was_trained() {
     }
 }
 
+/// What is off by next to nothing is not off by many times what is there.
+#[test]
+fn errors_of_a_black_material_are_no_nonsense() {
+    let of = |value: f64| move |pairs: &[[DVec3; 2]]| vec![DVec3::splat(value); pairs.len()];
+    let errors = compare(16, true, &of(1e-7), &of(0.0)).errors;
+    assert!(errors.worst_albedo > 0.0 && errors.worst_albedo < 1.0, "{}", errors.worst_albedo);
+    assert!(errors.pairs.relative_rmse > 0.0 && errors.pairs.relative_rmse < 1.0, "{}", errors.pairs.relative_rmse);
+}
+
 #[test]
 fn a_check_finds_what_is_wrong() {
     let matte = |pairs: &[[DVec3; 2]]| vec![DVec3::splat(0.5 * FRAC_1_PI); pairs.len()];
