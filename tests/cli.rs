@@ -429,6 +429,25 @@ fn mistakes_in_training_name_the_thing() {
     assert!(fail(&["train", good, "-o", out, "--n-side", "12"]).contains("--n-side"));
     assert!(fail(&["train", good, "-o", out, "--features", "0"]).contains("--features"));
     assert!(fail(&["train", good, "-o", out, "--codes", "70000"]).contains("--codes"));
+    // What is told is what was said.
+    let maps = concat!(env!("CARGO_MANIFEST_DIR"), "/scenes/mosaic/glaze.toml");
+    assert!(fail(&["train", maps, "-o", out, "--texel-codes", "70000"]).contains("--texel-codes: found 70000"));
+    let metal = concat!(env!("CARGO_MANIFEST_DIR"), "/scenes/materials/copper_turned.toml");
+    succeed(&[
+        "train",
+        metal,
+        "-o",
+        out,
+        "--n-side",
+        "2",
+        "--steps",
+        "1",
+        "--quality",
+        "draft",
+        "--no-report",
+        "--quiet",
+    ]);
+    std::fs::remove_file(out).unwrap();
     assert!(fail(&["train", good, "-o", out, "--resume"]).contains("--checkpoint"));
     let other = directory.path().join("other");
     std::fs::copy(good, &other).unwrap();

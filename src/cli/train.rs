@@ -286,9 +286,12 @@ pub(super) fn plan(arguments: &Arguments, input: &BrdfInput, is_isotropic: bool)
         ..surface
     });
     let hidden = arguments.hidden.unwrap_or(hidden);
+    let n_side = arguments.n_side.map_or(n_side, |n_side| [n_side; 2]);
+    // As many as there is room for.
+    let most = n_side[0].max(1).ilog2() as usize + 1;
     Plan {
-        n_side: arguments.n_side.map_or(n_side, |n_side| [n_side; 2]),
-        resolutions: arguments.resolutions.unwrap_or(resolutions),
+        n_side,
+        resolutions: arguments.resolutions.unwrap_or(resolutions.min(most)),
         features: arguments.features.unwrap_or(features),
         codes: arguments.codes.map_or(codes, |codes| [codes; 2]),
         surface,
