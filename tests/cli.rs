@@ -396,6 +396,10 @@ fn materials_are_grouped_and_trained_together() {
     assert!(error(&["--share-network"]).contains("--share"));
     assert!(error(&["--share", "--name", "red"]).contains("several"));
     assert!(error(&["--share", "--recipe", "unquantised"]).contains("codebooks"));
+    assert!(error(&["--share", "--texels", "8", "--texel-codes", "9"]).contains("--texels, --texel-codes: "));
+    for option in ["--groups", "--group-size"] {
+        assert!(error(&["--share", option, "0"]).contains("1.."), "{option} 0");
+    }
     assert!(fail(&["train", inputs[0], inputs[0], "-o", text(&out), "--share"]).contains("`red`"));
 }
 
@@ -429,6 +433,9 @@ fn mistakes_in_training_name_the_thing() {
     assert!(fail(&["train", good, "-o", out, "--n-side", "12"]).contains("--n-side"));
     assert!(fail(&["train", good, "-o", out, "--features", "0"]).contains("--features"));
     assert!(fail(&["train", good, "-o", out, "--codes", "70000"]).contains("--codes"));
+    let nbrdf =
+        ["train", good, "-o", "nbrdf.safetensors", "--model", "nbrdf", "--n-side", "8", "--hidden", "32", "--f32"];
+    assert!(fail(&nbrdf).contains("--n-side, --hidden, --f32: an NBRDF"));
     // What is told is what was said.
     let maps = concat!(env!("CARGO_MANIFEST_DIR"), "/scenes/mosaic/glaze.toml");
     assert!(fail(&["train", maps, "-o", out, "--texel-codes", "70000"]).contains("--texel-codes: found 70000"));

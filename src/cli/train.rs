@@ -36,11 +36,11 @@ pub struct Arguments {
     #[arg(long, requires = "share")]
     pub(super) share_network: bool,
     /// Put what is alike together: so many groups, each with codebooks and a pack of its own, FILE-1, FILE-2 …
-    #[arg(long, value_name = "N", requires = "share", conflicts_with = "group_size")]
-    pub(super) groups: Option<usize>,
+    #[arg(long, value_name = "N", requires = "share", conflicts_with = "group_size", value_parser = clap::value_parser!(u32).range(1..))]
+    pub(super) groups: Option<u32>,
     /// The same, of so many materials at most
-    #[arg(long, value_name = "N", requires = "share")]
-    pub(super) group_size: Option<usize>,
+    #[arg(long, value_name = "N", requires = "share", value_parser = clap::value_parser!(u32).range(1..))]
+    pub(super) group_size: Option<u32>,
     /// The file to write: .neubrdf, or .safetensors with --model nbrdf. The report is written beside it, as .json and .html
     #[arg(short, long, value_name = "FILE")]
     pub(super) output: PathBuf,
@@ -117,6 +117,9 @@ pub fn run(arguments: Arguments) -> Result<ExitCode> {
         Model::Nbrdf => "safetensors",
     };
     check_ending(&arguments.output, &[expected])?;
+    if let Some(options) = size_options(&arguments).filter(|_| arguments.model == Model::Nbrdf) {
+        bail!("{options}: an NBRDF has one size, 6 → 21 → 21 → 3, and 32 bits a number; leave this out");
+    }
     check_outputs(&arguments, &arguments.output, arguments.checkpoint.as_deref())?;
     if arguments.share {
         return train_group::run(&arguments);
@@ -130,11 +133,8 @@ pub fn run(arguments: Arguments) -> Result<ExitCode> {
     if arguments.model == Model::Nbrdf && !is_isotropic {
         bail!("{}: an NBRDF file describes isotropic materials, and this one is not", path.display());
     }
-    if input.texels.is_none() {
-        let given = [arguments.texels.is_some(), arguments.texel_features.is_some(), arguments.texel_codes.is_some()];
-        if given.contains(&true) {
-            bail!("{}: the material is the same everywhere, and has no texels", path.display());
-        }
+    if let Some(options) = texel_options(&arguments).filter(|_| input.texels.is_none()) {
+        bail!("{options}: {} is the same everywhere, and has no texels", path.display());
     }
     if arguments.model == Model::Nbrdf && arguments.compare_recipes {
         bail!("--compare-recipes: NBRDFs are trained by one recipe");
@@ -237,6 +237,33 @@ pub(super) fn check_outputs(arguments: &Arguments, output: &Path, checkpoint: Op
     let report = [json.as_path(), html.as_path()].into_iter().filter(|_| !arguments.no_report);
     let outputs = [output].into_iter().chain(report).chain(checkpoint);
     job::check_outputs(outputs, arguments.inputs.iter().map(PathBuf::as_path))
+}
+
+/// Those of the sizes of a NeuBRDF that were given, by their names.
+fn size_options(arguments: &Arguments) -> Option<String> {
+    given(&[
+        ("--n-side", arguments.n_side.is_some()),
+        ("--resolutions", arguments.resolutions.is_some()),
+        ("--features", arguments.features.is_some()),
+        ("--codes", arguments.codes.is_some()),
+        ("--hidden", arguments.hidden.is_some()),
+        ("--corner-weights", arguments.corner_weights.is_some()),
+        ("--f32", arguments.f32),
+    ])
+}
+
+/// The same of texels.
+pub(super) fn texel_options(arguments: &Arguments) -> Option<String> {
+    given(&[
+        ("--texels", arguments.texels.is_some()),
+        ("--texel-features", arguments.texel_features.is_some()),
+        ("--texel-codes", arguments.texel_codes.is_some()),
+    ])
+}
+
+fn given(options: &[(&str, bool)]) -> Option<String> {
+    let names: Vec<&str> = options.iter().filter(|(_, is_given)| *is_given).map(|(name, _)| *name).collect();
+    (!names.is_empty()).then(|| names.join(", "))
 }
 
 fn corner_weights(word: &str) -> Result<CornerWeights, String> {

@@ -13,7 +13,7 @@ use neubrdf::train::{Evaluator, Group, GroupReport, Model, Plan, Recipe, Report,
 
 use super::brdf_input::BrdfInput;
 use super::progress;
-use super::train::{Arguments, BALL, check_outputs, drawing, plan, provenance, truth, write};
+use super::train::{Arguments, BALL, check_outputs, drawing, plan, provenance, texel_options, truth, write};
 use super::train_loop::train;
 
 /// A material to learn, and its name in the pack.
@@ -26,6 +26,9 @@ struct Member {
 pub fn run(arguments: &Arguments) -> Result<ExitCode> {
     if arguments.model == Model::Nbrdf || arguments.compare_recipes {
         bail!("--share: it goes with neither --model nbrdf nor --compare-recipes");
+    }
+    if let Some(options) = texel_options(arguments) {
+        bail!("{options}: --share is for materials that are the same everywhere, which have no texels");
     }
     let members = members(arguments)?;
     let groups = groups(arguments, &members);
@@ -95,8 +98,8 @@ fn members(arguments: &Arguments) -> Result<Vec<Member>> {
 fn groups(arguments: &Arguments, members: &[Member]) -> Vec<Vec<usize>> {
     let count = members.len();
     let (groups, most) = match (arguments.groups, arguments.group_size) {
-        (Some(groups), _) => (groups, count),
-        (_, Some(most)) => (count.div_ceil(most.max(1)), most.max(1)),
+        (Some(groups), _) => (groups as usize, count),
+        (_, Some(most)) => (count.div_ceil(most as usize), most as usize),
         _ => return vec![(0..count).collect()],
     };
     let eval = |member: &Member| cluster::features(&|wo, wi| member.input.brdf.eval(wo, wi));
