@@ -15,7 +15,7 @@ pub struct BrdfInput {
     pub name: String,
     /// Its values.
     pub brdf: Box<dyn Evaluate>,
-    /// The measurements, where it is known by them alone, each with its reciprocal.
+    /// What there is to learn, where it is known by measurements alone: two pairs of each sample, or what was drawn from a stack of images.
     samples: Option<Vec<Pair>>,
     /// Texels across and down, where it varies over a texture.
     pub texels: Option<[u32; 2]>,
@@ -88,7 +88,7 @@ impl BrdfInput {
         }
     }
 
-    /// How many measurements it is known by; `None` where it is known everywhere.
+    /// How many measurements it is known by, of a stack half of what was drawn; `None` where it is known everywhere.
     pub fn sample_count(&self) -> Option<usize> {
         self.samples.as_ref().map(|pairs| pairs.len() / 2)
     }

@@ -92,7 +92,7 @@ struct Search<'a> {
 }
 
 impl Search<'_> {
-    /// The mean logarithm of the second moments.
+    /// The sum of the logarithms of the second moments.
     fn cost(&mut self, lobes: Lobes) -> f64 {
         for lobe in lobes {
             self.densities

@@ -1,4 +1,4 @@
-//! Adam (Kingma and Ba, ICLR 2015), and how the learning rate falls.
+//! Adam (Kingma and Ba, ICLR 2015).
 
 use pulp::Arch;
 

@@ -22,7 +22,7 @@ use super::network::Shard;
 use super::product::padded;
 use crate::scene::brdf::{Encoding, Footprint, Gathered, NO_CODE, NeuBrdf};
 
-/// Views of an isotropic material, even in θ.
+/// Views of an isotropic material, even in θ, before those below [`LOWEST_VIEW`] are left out.
 const RINGS: usize = 96;
 
 /// Of steps that fill [0, 1) evenly.

@@ -16,7 +16,7 @@ const PAIRS: usize = 512;
 const GAIN: f64 = 100.0;
 /// At most; groups rarely change after ten.
 const ROUNDS: usize = 50;
-/// Random stream of the pairs and of the first centres, beyond those of training.
+/// Random stream of the pairs, of seed 0; the next one is that of [`shuffled`].
 const STREAM: u64 = 3 << 40;
 
 /// A material's features. Distances between those of two are what clustering goes by.

@@ -9,7 +9,7 @@ use std::f64::consts::{FRAC_1_PI, FRAC_PI_2, PI, TAU};
 
 use glam::{DVec2, DVec3};
 
-use super::pairs::{LOWEST, Pair, Place, direction};
+use super::pairs::{LOWEST, Pair, Place, direction, mirrored};
 use super::random::Random;
 use crate::scene::brdf::{Encoding, SurfaceGrid};
 
@@ -63,10 +63,7 @@ fn lights(wo: DVec3, random: &mut Random) -> Vec<(DVec3, f64)> {
     let points: Vec<DVec2> =
         strata.map(|at| (at + DVec2::new(random.next_f64(), random.next_f64())) / STRATA as f64).collect();
     let by_cosine = points.clone().into_iter().map(|u| direction(u.x.sqrt().asin(), TAU * u.y));
-    let mirrored = points.into_iter().map(move |u| {
-        let half = direction(FRAC_PI_2 * u.x * u.x, TAU * u.y);
-        2.0 * wo.dot(half) * half - wo
-    });
+    let about_halves = points.into_iter().map(|u| mirrored(wo, direction(FRAC_PI_2 * u.x * u.x, TAU * u.y)));
     let weighted = |wi: DVec3| {
         if wi.z < LOWEST {
             return (DVec3::Z, 0.0);
@@ -75,7 +72,7 @@ fn lights(wo: DVec3, random: &mut Random) -> Vec<(DVec3, f64)> {
         let density = 0.5 * (FRAC_1_PI * wi.z + mirrored_density(wo, wi));
         (wi, wi.z / (density * DIRECTIONS as f64))
     };
-    by_cosine.chain(mirrored).map(weighted).collect()
+    by_cosine.chain(about_halves).map(weighted).collect()
 }
 
 /// The density of light that is mirrored about half vectors at θ = u² · 90°.

@@ -7,7 +7,7 @@ use glam::{DVec2, DVec3};
 use serde::Serialize;
 
 use super::ball::Ball;
-use super::pairs::draw;
+use super::pairs::{direction, draw, mirrored};
 use super::random::Random;
 pub use crate::material::Query;
 use crate::scene::brdf::Footprint;
@@ -121,9 +121,8 @@ pub fn compare_at(size: usize, is_isotropic: bool, fit: EvalAt, truth: EvalAt) -
     let albedo: Vec<AlbedoError> = THETAS
         .iter()
         .flat_map(|theta| phis.iter().map(move |phi| (*theta, *phi)))
-        .map(|(theta, phi)| {
-            let ((sin, cos), (y, x)) = (f64::to_radians(theta).sin_cos(), f64::to_radians(phi).sin_cos());
-            let wo = DVec3::new(sin * x, sin * y, cos);
+        .map(|(theta, phi): (f64, f64)| {
+            let wo = direction(theta.to_radians(), phi.to_radians());
             let of = |eval: EvalAt| average_albedo(wo, ALBEDO_POINTS, eval).element_sum() / 3.0;
             AlbedoError { theta, phi, truth: of(truth), fit: of(fit) }
         })
@@ -199,11 +198,10 @@ pub(super) fn albedo_points(wo: DVec3, count: usize, shift: f64) -> (Vec<DVec3>,
         let at = |step: f64| (0.5 + shift + step * (i as f64 + 1.0)).fract();
         let [u, v, choice] = [at(0.819_172_513_396_164_4), at(0.671_043_606_703_789_2), at(0.549_700_477_901_960_6)];
         let phi = TAU * v;
-        let polar = |theta: f64| DVec3::new(theta.sin() * phi.cos(), theta.sin() * phi.sin(), theta.cos());
         let wi = match choice {
-            ..0.4 => polar(u.sqrt().asin()),
-            ..0.7 => mirrored(wo, polar(FRAC_PI_2 * u.powi(2))),
-            _ => mirrored(wo, polar(FRAC_PI_2 * u.powi(4))),
+            ..0.4 => direction(u.sqrt().asin(), phi),
+            ..0.7 => mirrored(wo, direction(FRAC_PI_2 * u.powi(2), phi)),
+            _ => mirrored(wo, direction(FRAC_PI_2 * u.powi(4), phi)),
         };
         if wi.z <= 0.0 {
             return None;
@@ -218,8 +216,4 @@ pub(super) fn albedo_points(wo: DVec3, count: usize, shift: f64) -> (Vec<DVec3>,
         Some((wi, wi.z / density / count as f64))
     };
     (0..count).filter_map(point).unzip()
-}
-
-fn mirrored(wo: DVec3, half: DVec3) -> DVec3 {
-    2.0 * wo.dot(half) * half - wo
 }

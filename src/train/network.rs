@@ -40,7 +40,7 @@ impl Shape {
     }
 }
 
-/// A multi-layer perceptron. Padding is zero and stays so, as its gradient is zero.
+/// A multi-layer perceptron. Padding begins with zeros; what becomes of it nothing reads.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Network {
     /// From the first layer to the last.

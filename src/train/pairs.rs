@@ -216,7 +216,7 @@ fn draw_grazing(share: f64, random: &mut Random) -> (DVec3, DVec3) {
         } else {
             let crowding = if choice < 0.7 { 2 } else { 4 };
             let half = direction(FRAC_PI_2 * random.next_f64().powi(crowding), TAU * random.next_f64());
-            2.0 * wo.dot(half) * half - wo
+            mirrored(wo, half)
         };
         if wo.z > LOWEST && wi.z > LOWEST {
             return if random.next_f64() < 0.5 { (wo, wi) } else { (wi, wo) };
@@ -230,4 +230,9 @@ pub(super) const LOWEST: f64 = 1e-3;
 /// The unit vector at these angles.
 pub(super) fn direction(theta: f64, phi: f64) -> DVec3 {
     DVec3::new(theta.sin() * phi.cos(), theta.sin() * phi.sin(), theta.cos())
+}
+
+/// `w` mirrored about a half vector.
+pub(super) fn mirrored(w: DVec3, half: DVec3) -> DVec3 {
+    2.0 * w.dot(half) * half - w
 }

@@ -143,9 +143,7 @@ impl Session {
 
     /// Takes a step.
     pub fn step(&mut self) {
-        let Plan { model, recipe, .. } = self.plan;
-        let is_quantised = model == Model::NeuBrdf && recipe == Recipe::Default;
-        if is_quantised && self.trainer.step == self.step_at(QUANTISE_AT) {
+        if self.trainer.step == self.step_at(QUANTISE_AT) {
             self.quantise();
         }
         self.prune_in_time();
