@@ -46,7 +46,7 @@ impl Check {
 
 /// θ of the grid, uniform from the normal to just above the surface.
 const THETAS: usize = 46;
-/// Differences of azimuth, uniform over half a turn, both ends included. Where the BRDF is not isotropic they go on over the other half.
+/// Differences of azimuth, uniform over half a turn, over a whole one where the BRDF is not isotropic, both ends included.
 const PHIS: usize = 37;
 /// Azimuths of ωo where the BRDF is not isotropic, over a whole turn: what leans looks different from behind.
 const TURNS: usize = 12;
@@ -57,15 +57,14 @@ const ALBEDO_POINTS: usize = 4096;
 
 /// Looks at a BRDF whose lobes lie in a frame.
 pub fn check(is_isotropic: bool, frame: SurfaceFrame, eval: Eval) -> Check {
-    // The last difference of a whole turn would be the first.
-    let (turns, phis) = if is_isotropic { (1, PHIS) } else { (TURNS, 2 * (PHIS - 1)) };
+    let (turns, around) = if is_isotropic { (1, PI) } else { (TURNS, TAU) };
     let thetas: Vec<f64> = (0..THETAS).map(|i| (LOWEST * i as f64 / (THETAS - 1) as f64).to_radians()).collect();
     let azimuths: Vec<f64> = (0..turns).map(|turn| TAU * turn as f64 / turns as f64).collect();
     let mut pairs = Vec::new();
     for (theta_o, phi_o) in thetas.iter().flat_map(|theta| azimuths.iter().map(move |phi| (*theta, *phi))) {
         let wo = direction(theta_o, phi_o);
         for theta_i in &thetas {
-            pairs.extend((0..phis).map(|k| [wo, direction(*theta_i, phi_o + PI * k as f64 / (PHIS - 1) as f64)]));
+            pairs.extend((0..PHIS).map(|k| [wo, direction(*theta_i, phi_o + around * k as f64 / (PHIS - 1) as f64)]));
         }
     }
     let swapped: Vec<[DVec3; 2]> = pairs.iter().map(|[wo, wi]| [*wi, *wo]).collect();
