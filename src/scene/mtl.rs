@@ -196,8 +196,9 @@ impl Library {
         if let Some(name) = &material.diffuse_texture {
             albedo.texture = Some(self.map(place, material, "map_Kd", name, Holds::Colors));
         }
-        match material.diffuse {
-            Some(diffuse) => albedo.value = self.reflectance(place, "Kd", diffuse),
+        match material.diffuse.map(|diffuse| self.reflectance(place, "Kd", diffuse)) {
+            Some(diffuse) if albedo.texture.is_some() => albedo.value = self.factor(place, "Kd", diffuse),
+            Some(diffuse) => albedo.value = diffuse,
             None if albedo.texture.is_none() => albedo.value = Vec3::splat(0.5),
             None => {}
         }
@@ -218,8 +219,8 @@ impl Library {
         let metalness = material.unknown_param.get("map_Pm");
         let metallic = parameter("Pm").filter(|_| metalness.is_none()).unwrap_or(0.0);
         let no_base = albedo.value == Vec3::ZERO;
-        let surface = if matches!(illumination, 4 | 6 | 7 | 9) {
-            let ior = self.index(place, material.optical_density, 0.1);
+        let surface = if matches!(illumination, 6 | 7 | 9) || illumination == 4 && self.is_glass(place, material) {
+            let ior = self.index(place, material.optical_density.unwrap_or(1.5));
             Surface::Dielectric { ior, alpha: roughness.map_or(0.0, |roughness| roughness * roughness) }
         } else if metallic >= 0.5 {
             Surface::Conductor { fresnel: Fresnel::Schlick { f0: albedo }, alpha: stretch(alpha_or(0.0)) }
@@ -228,7 +229,7 @@ impl Library {
             let alpha = if illumination == 5 { 0.0 } else { alpha_or(0.0) };
             Surface::Conductor { fresnel, alpha: stretch(alpha) }
         } else if illumination >= 2 && specular != Vec3::ZERO {
-            Surface::Coated { albedo, ior: self.index(place, material.optical_density, 1.0), alpha: alpha_or(0.0) }
+            Surface::Coated { albedo, ior: self.index_of_coat(place, material), alpha: alpha_or(0.0) }
         } else {
             Surface::Diffuse { albedo }
         };
@@ -295,13 +296,42 @@ impl Library {
         clamped
     }
 
-    fn index(&mut self, place: &Place, ior: Option<f32>, least: f32) -> f32 {
-        let ior = ior.unwrap_or(1.5);
-        let clamped = ior.clamp(least, 10.0);
+    /// The colour that multiplies a texture. Exporters write black where a texture stands instead of a colour.
+    fn factor(&mut self, place: &Place, statement: &str, color: Vec3) -> Vec3 {
+        if color != Vec3::ZERO {
+            return color;
+        }
+        self.warn(place.clone(), format!("{statement} 0 would make `map_{statement}` black: taken as 1"));
+        Vec3::ONE
+    }
+
+    /// Whether a material of `illum 4` is glass. Maya writes that of all that is matte.
+    fn is_glass(&mut self, place: &Place, material: &tobj::Material) -> bool {
+        let reason = match material {
+            tobj::Material { diffuse_texture: Some(_), .. } => "it has `map_Kd`",
+            tobj::Material { optical_density: Some(1.0), .. } => "`Ni 1` refracts nothing",
+            _ => return true,
+        };
+        self.warn(place.clone(), format!("`illum 4` does not make it glass, as {reason}"));
+        false
+    }
+
+    fn index(&mut self, place: &Place, ior: f32) -> f32 {
+        let clamped = ior.clamp(0.1, 10.0);
         if ior != clamped {
-            self.warn(place.clone(), format!("Ni {ior} is outside of [{least}, 10]: clamped to {clamped}"));
+            self.warn(place.clone(), format!("Ni {ior} is outside of [0.1, 10]: clamped to {clamped}"));
         }
         clamped
+    }
+
+    /// The index of refraction of a coat: more than 1, as it would not reflect otherwise.
+    fn index_of_coat(&mut self, place: &Place, material: &tobj::Material) -> f32 {
+        let ior = material.optical_density.unwrap_or(1.5);
+        if ior > 1.0 {
+            return self.index(place, ior);
+        }
+        self.warn(place.clone(), format!("a coat of Ni {ior} would reflect nothing: taken as 1.5"));
+        1.5
     }
 }
 

@@ -30,6 +30,37 @@ fn mtl_statements_map_onto_surfaces() {
     assert_eq!(mtl("Ke 1 2 3\n").0.emission, Vec3::new(1.0, 2.0, 3.0));
 }
 
+/// Numbers that exporters write of opaque, textured and coated materials, though they say otherwise.
+#[test]
+fn what_exporters_write_is_taken_as_meant() {
+    let textured = Color { value: Vec3::ONE, texture: Some(0) };
+    let grey = Color::constant(Vec3::splat(0.5));
+    let coated = |albedo| Surface::Coated { albedo, ior: 1.5, alpha: 0.0 };
+    for (text, surface, says) in [
+        (
+            "illum 4\nKd 0 0 0\nTf 1 1 1\nmap_Kd t.png\nNi 1.00\n",
+            Surface::Diffuse { albedo: textured },
+            vec!["Kd 0 would make `map_Kd` black", "`illum 4` does not make it glass, as it has `map_Kd`"],
+        ),
+        ("illum 4\nmap_Kd t.png\nNi 1.5\n", Surface::Diffuse { albedo: textured }, vec!["as it has `map_Kd`"]),
+        ("illum 4\nKd .5 .5 .5\nNi 1\n", Surface::Diffuse { albedo: grey }, vec!["`Ni 1` refracts nothing"]),
+        ("Kd 0\nKs .5\nmap_Kd t.png\n", coated(textured), vec!["Kd 0 would make `map_Kd` black"]),
+        ("Kd .5\nKs .5\nNi 1\n", coated(grey), vec!["a coat of Ni 1 would reflect nothing: taken as 1.5"]),
+        ("Kd .5\nKs .5\nNi 0\n", coated(grey), vec!["a coat of Ni 0 would reflect nothing: taken as 1.5"]),
+        ("illum 4\nNi 1.2\n", Surface::Dielectric { ior: 1.2, alpha: 0.0 }, vec![]),
+    ] {
+        let obj = TRIANGLE.replace("usemtl", "vt 0 0\nusemtl").replace("1 2 3", "1/1 2/1 3/1");
+        let folder = Folder::new(&[("a.obj", &obj), ("a.mtl", &format!("newmtl m\n{text}"))]);
+        image::RgbImage::new(1, 1).save(folder.path("t.png")).unwrap();
+        let (scene, warnings) = folder.load("a.obj").unwrap();
+        assert_eq!(scene.materials[0].surface, surface, "{text}");
+        assert_eq!(warnings.len(), says.len(), "{text}: {warnings:?}");
+        for (warning, part) in warnings.iter().map(Warning::to_string).zip(says) {
+            assert!(warning.contains(part) && warning.contains("a.mtl:1: material `m`"), "{warning}: lacks {part}");
+        }
+    }
+}
+
 #[test]
 fn unsupported_mtl_statements_warn_once_each() {
     let (_, warnings) = mtl("map_Ks a.png\nmap_Ns b.png\nmap_Ns c.png\nKd 2\nPm .7\nnewmtl n\nmap_Ks x.png\n");
