@@ -352,6 +352,10 @@ fn override_material(name: &str, value: &Value, file: &Path, library: &mut Libra
         let emission_texture = map("emission_texture", Holds::Colors)?.or(before.emission_texture);
         let surface = surface(&table, &before.surface, file, library)?;
         let roughness_map = roughness_map(&table, &surface, &before, file, library)?;
+        let is_glass = |surface: &Surface| matches!(surface, Surface::Dielectric { .. });
+        // The MTL file's `d` said that one sees through what is glass now.
+        let becomes_glass = is_glass(&surface) && !is_glass(&before.surface);
+        let opacity_before = Opacity { value: if becomes_glass { 1.0 } else { before.opacity.value }, ..before.opacity };
         library.materials[index] = Material {
             surface,
             roughness_map,
@@ -360,7 +364,7 @@ fn override_material(name: &str, value: &Value, file: &Path, library: &mut Libra
             emits_both_sides: table
                 .get("emits_both_sides")
                 .map_or(Ok(before.emits_both_sides), |value| value.boolean())?,
-            opacity: table.get("opacity").map_or(Ok(before.opacity), |value| opacity(&value, file, library))?,
+            opacity: table.get("opacity").map_or(Ok(opacity_before), |value| opacity(&value, file, library))?,
             normal_map,
             name: before.name.clone(),
             patches: before.patches,

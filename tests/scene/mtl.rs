@@ -87,6 +87,17 @@ fn mtl_materials_dissolve() {
         assert_eq!(warnings.len(), usize::from(says.is_some()), "{text}: {warnings:?}");
         says.iter().for_each(|part| assert!(warnings[0].contains(part), "{warnings:?}"));
     }
+    // What a scene file makes glass is all there, as what an MTL file does.
+    for (says, value) in [
+        ("type = 'dielectric'", 1.0),
+        ("type = 'dielectric'\nopacity = 0.5", 0.5),
+        ("type = 'coated'", 0.25),
+        ("albedo = 1", 0.25),
+    ] {
+        let toml = format!("[[mesh]]\nfile = 'a.obj'\n[material.m]\n{says}\n{SKY}");
+        let files = [("a.obj", TRIANGLE), ("a.mtl", "newmtl m\nd .25\n"), ("s.toml", &toml)];
+        assert_eq!(Folder::new(&files).scene("s.toml").materials[0].opacity.value, value, "{says}");
+    }
 }
 
 #[test]
