@@ -349,7 +349,10 @@ fn override_material(name: &str, value: &Value, file: &Path, library: &mut Libra
             named.map(|value| texture(&value, holds, file, library)).transpose()
         };
         let normal_map = map(MAPS[1], Holds::Normals)?.or(before.normal_map);
-        let emission_texture = map("emission_texture", Holds::Colors)?.or(before.emission_texture);
+        let glow = map("emission_texture", Holds::Colors)?;
+        // A texture without a colour is multiplied by 1.
+        let glows = glow.is_some() && !before.is_emissive();
+        let emission_before = if glows { Vec3::ONE } else { before.emission };
         let surface = surface(&table, &before.surface, file, library)?;
         let roughness_map = roughness_map(&table, &surface, &before, file, library)?;
         let is_glass = |surface: &Surface| matches!(surface, Surface::Dielectric { .. });
@@ -359,8 +362,8 @@ fn override_material(name: &str, value: &Value, file: &Path, library: &mut Libra
         library.materials[index] = Material {
             surface,
             roughness_map,
-            emission: table.get("emission").map_or(Ok(before.emission), |value| color(&value))?,
-            emission_texture,
+            emission: table.get("emission").map_or(Ok(emission_before), |value| color(&value))?,
+            emission_texture: glow.or(before.emission_texture),
             emits_both_sides: table
                 .get("emits_both_sides")
                 .map_or(Ok(before.emits_both_sides), |value| value.boolean())?,
@@ -372,7 +375,8 @@ fn override_material(name: &str, value: &Value, file: &Path, library: &mut Libra
         metal_map(&table, index, &before, file, library)?;
         let material = &library.materials[index];
         let has_both = material.is_emissive() && !material.opacity.is_whole();
-        if let Some(value) = table.get("opacity").or_else(|| table.get("emission")).filter(|_| has_both) {
+        let named = ["opacity", "emission", "emission_texture"].iter().find_map(|key| table.get(key));
+        if let Some(value) = named.filter(|_| has_both) {
             return Err(value.error("`opacity = 1` beside an emission"));
         }
         library.undefined.retain(|(undefined, _)| *undefined as usize != index);

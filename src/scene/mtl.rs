@@ -237,8 +237,11 @@ impl Library {
             self.warn(place.clone(), format!("Pm {metallic} is taken as {}", metallic.round()));
         }
         let glow = material.unknown_param.get("map_Ke");
-        let emission = material.emissive.map(Vec3::from_array);
-        let emission = emission.unwrap_or(if glow.is_some() { Vec3::ONE } else { Vec3::ZERO });
+        let emission = match material.emissive.map(Vec3::from_array) {
+            Some(emission) if glow.is_some() => self.factor(place, "Ke", emission),
+            Some(emission) => emission,
+            None => if glow.is_some() { Vec3::ONE } else { Vec3::ZERO },
+        };
         let emission_texture = glow.map(|name| self.map(place, material, "map_Ke", name, Holds::Colors));
         let opacity = self.opacity(place, material, matches!(surface, Surface::Dielectric { .. }));
         let is_whole = opacity.is_whole() || emission == Vec3::ZERO;

@@ -268,15 +268,15 @@ fn maps_of_metal_load() {
 
 #[test]
 fn textures_that_emit_load() {
-    let obj = triangles_of(&["a", "b", "c"]);
-    let mtl = "newmtl a\nKe 3 2 1\nmap_Ke glow.png\nnewmtl b\nmap_Ke glow.png\nnewmtl c\nKd 1 1 1\n";
-    let toml = "[[mesh]]\nfile = 'a.obj'\n[material.c]\nemission = 7\nemission_texture = 'glow.png'\n";
+    let obj = triangles_of(&["a", "b", "c", "d", "e"]);
+    let mtl = "newmtl a\nKe 3 2 1\nmap_Ke glow.png\nnewmtl b\nmap_Ke glow.png\nnewmtl c\nKd 1 1 1\nnewmtl d\nKd 1 1 1\nnewmtl e\nKe 0 0 0\nmap_Ke glow.png\n";
+    let toml = "[[mesh]]\nfile = 'a.obj'\n[material.c]\nemission = 7\nemission_texture = 'glow.png'\n[material.d]\nemission_texture = 'glow.png'\n";
     let folder = Folder::new(&[("a.obj", &obj), ("a.mtl", mtl), ("s.toml", toml)]);
     image::GrayImage::from_fn(2, 1, |x, _| image::Luma([255 * x as u8])).save(folder.path("glow.png")).unwrap();
     let (scene, warnings) = folder.load("s.toml").unwrap();
-    assert!(warnings.is_empty(), "{warnings:?}");
+    assert!(warnings.len() == 1 && warnings[0].to_string().contains("material `e`: Ke 0 would make"), "{warnings:?}");
     let emission: Vec<Vec3> = scene.materials.iter().map(|material| material.emission).collect();
-    assert_eq!(emission, [Vec3::new(3.0, 2.0, 1.0), Vec3::ONE, Vec3::splat(7.0)]);
+    assert_eq!(emission, [Vec3::new(3.0, 2.0, 1.0), Vec3::ONE, Vec3::splat(7.0), Vec3::ONE, Vec3::ONE]);
     assert!(scene.materials.iter().all(|material| material.emission_texture == Some(0)));
     let mut plain = scene.clone();
     plain.materials[0].emission_texture = None;
