@@ -103,6 +103,9 @@ pub(crate) fn open(path: &Path, needed_by: Option<&Place>) -> Result<File, Error
     open(path).map_err(|source| Error::read(path, needed_by, source))
 }
 
+/// What some programs begin a UTF-8 text with.
+pub(crate) const BYTE_ORDER_MARK: &[u8] = "\u{feff}".as_bytes();
+
 /// The bytes of a file of at most `longest` bytes.
 pub(crate) fn read_bytes(path: &Path, needed_by: Option<&Place>, longest: u64) -> Result<Vec<u8>, Error> {
     let mut bytes = Vec::new();

@@ -5,7 +5,7 @@
 use std::io::{self, BufRead, Read};
 use std::path::Path;
 
-use super::error::{Error, Place, quote};
+use super::error::{BYTE_ORDER_MARK, Error, Place, quote};
 
 /// Longest statement, bytes: a polygon of a million corners.
 const LONGEST: usize = 32 << 20;
@@ -82,6 +82,9 @@ impl<'a, R: BufRead, F: FnMut(usize, &str, &mut String) -> Result<(), Fault>> St
                 }
             }
             self.line += 1;
+            if self.line == 1 && self.raw.starts_with(BYTE_ORDER_MARK) {
+                self.raw.drain(..BYTE_ORDER_MARK.len());
+            }
             let end = self.raw.trim_ascii_end().len();
             self.raw.truncate(end.max(start));
             let comment = self.raw.trim_ascii_start().first() == Some(&b'#');

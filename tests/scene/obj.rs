@@ -56,6 +56,21 @@ fn continuation_lines_comments_colours_and_windows_line_ends_are_read() {
     assert_eq!(triangles(&scene.meshes[0]), [[Vec3::ZERO, Vec3::X, Vec3::Y]]);
 }
 
+/// Windows programs begin texts with a mark of their encoding.
+#[test]
+fn byte_order_marks_are_skipped() {
+    let toml = format!("\u{feff}[[mesh]]\nfile = 'a.obj'\n[material.m]\ntype = 'measured'\nfile = 'a.csv'\n{SKY}");
+    let folder = Folder::new(&[
+        ("a.obj", &format!("\u{feff}# C:\\models\\\n{TRIANGLE}")),
+        ("a.mtl", "\u{feff}newmtl m\nKd .2 .4 .6\n"),
+        ("a.csv", "\u{feff}wi_theta,wi_phi,wo_theta,wo_phi,r,g,b\n10,0,10,180,1,1,1\n"),
+        ("s.toml", &toml),
+    ]);
+    let albedo = Color::constant(Vec3::new(0.2, 0.4, 0.6));
+    assert_eq!(folder.scene("a.obj").materials[0].surface, Surface::Diffuse { albedo });
+    assert_eq!(folder.scene("s.toml").brdfs.len(), 1);
+}
+
 #[test]
 fn a_missing_mtl_is_a_warning_and_grey() {
     let folder = Folder::new(&[("a.obj", TRIANGLE)]);

@@ -12,7 +12,7 @@ use std::path::Path;
 use glam::{DVec2, DVec3, DVec4, Vec2, Vec3};
 
 use super::HalfDifference;
-use crate::scene::error::{Error, Place, quote, read_bytes};
+use crate::scene::error::{BYTE_ORDER_MARK, Error, Place, quote, read_bytes};
 use crate::scene::hash::put;
 
 const HEADER: [&str; 7] = ["wi_theta", "wi_phi", "wo_theta", "wo_phi", "r", "g", "b"];
@@ -150,7 +150,11 @@ impl SurfaceSamples {
 }
 
 fn text(path: &Path, needed_by: Option<&Place>, longest: u64) -> Result<String, Error> {
-    String::from_utf8(read_bytes(path, needed_by, longest)?).map_err(|_| {
+    let mut bytes = read_bytes(path, needed_by, longest)?;
+    if bytes.starts_with(BYTE_ORDER_MARK) {
+        bytes.drain(..BYTE_ORDER_MARK.len());
+    }
+    String::from_utf8(bytes).map_err(|_| {
         Error::unexpected(Place::file(path), "bytes that are not UTF-8", "a text of comma-separated values")
     })
 }
