@@ -1,6 +1,6 @@
 //! Scene files: TOML beside OBJ, as docs/scenes.md describes it, or a bare OBJ file.
 
-use std::collections::HashMap;
+use std::collections::{BTreeSet, HashMap};
 use std::mem::discriminant;
 use std::path::{Path, PathBuf};
 
@@ -104,7 +104,7 @@ impl Loader {
         environment: Option<Environment>,
         sun: Option<Sun>,
     ) -> Result<(Scene, Vec<Warning>), Error> {
-        let Library { materials, textures, brdfs, mut warnings, undefined, .. } = self.library;
+        let Library { materials, textures, brdfs, mut warnings, undefined, bare, .. } = self.library;
         warnings.extend(undefined.into_iter().map(|(index, file)| Warning {
             place: Place::file(file),
             message: format!("the material `{}` is not defined: grey and diffuse", materials[index as usize].name),
@@ -128,7 +128,7 @@ impl Loader {
             sun,
         };
         decode_textures(&mut scene, &textures, &mut warnings)?;
-        warn_of_missing_coordinates(&scene, &mut warnings);
+        warn_of_missing_coordinates(&scene, bare, &mut warnings);
         let shines = |radiance: &Vec3| *radiance != Vec3::ZERO;
         if !(scene.materials.iter().any(Material::is_emissive)
             || scene.environment.iter().flat_map(|environment| &environment.texels).any(shines)
@@ -211,18 +211,18 @@ fn decode_texture(
     }
 }
 
-/// A texture needs coordinates to be looked up at.
-fn warn_of_missing_coordinates(scene: &Scene, warnings: &mut Vec<Warning>) {
-    for mesh in scene.meshes.iter().filter(|mesh| mesh.uvs.is_empty()) {
-        let varies = |material: &Material| match material.surface {
+/// A texture needs coordinates to be looked up at; those faces, by their material and file, have none.
+fn warn_of_missing_coordinates(scene: &Scene, bare: BTreeSet<(u32, PathBuf)>, warnings: &mut Vec<Warning>) {
+    for (index, file) in bare {
+        let material = &scene.materials[index as usize];
+        let varies = match material.surface {
             Surface::Measured { brdf } if scene.brdfs[brdf as usize].is_spatial() => true,
             _ => material.textures().next().is_some(),
         };
-        let varies = |material: &&u32| varies(&scene.materials[**material as usize]);
-        if let Some(&material) = mesh.materials.iter().find(varies) {
-            let name = &scene.materials[material as usize].name;
-            let message = format!("no texture coordinates, though its material `{name}` has a texture");
-            warnings.push(Warning { place: Place::file(&mesh.name), message });
+        if varies {
+            let message =
+                format!("faces without texture coordinates, though their material `{}` has a texture", material.name);
+            warnings.push(Warning { place: Place::file(file), message });
         }
     }
 }
@@ -358,7 +358,8 @@ fn override_material(name: &str, value: &Value, file: &Path, library: &mut Libra
         let is_glass = |surface: &Surface| matches!(surface, Surface::Dielectric { .. });
         // The MTL file's `d` said that one sees through what is glass now.
         let becomes_glass = is_glass(&surface) && !is_glass(&before.surface);
-        let opacity_before = Opacity { value: if becomes_glass { 1.0 } else { before.opacity.value }, ..before.opacity };
+        let opacity_before =
+            Opacity { value: if becomes_glass { 1.0 } else { before.opacity.value }, ..before.opacity };
         library.materials[index] = Material {
             surface,
             roughness_map,

@@ -1,6 +1,6 @@
 //! Wavefront MTL files, through `tobj`, and what their statements amount to here.
 
-use std::collections::{BTreeMap, HashMap};
+use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::io::BufReader;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -26,6 +26,8 @@ pub(super) struct Library {
     pub warnings: Vec<Warning>,
     /// Materials that an OBJ file names and no MTL file defines: index, and the OBJ file.
     pub undefined: Vec<(u32, PathBuf)>,
+    /// Materials of faces without texture coordinates: index, and the OBJ file.
+    pub bare: BTreeSet<(u32, PathBuf)>,
     /// What the MTL files of the OBJ file at hand define.
     definitions: HashMap<String, Definition>,
 }
@@ -240,7 +242,13 @@ impl Library {
         let emission = match material.emissive.map(Vec3::from_array) {
             Some(emission) if glow.is_some() => self.factor(place, "Ke", emission),
             Some(emission) => emission,
-            None => if glow.is_some() { Vec3::ONE } else { Vec3::ZERO },
+            None => {
+                if glow.is_some() {
+                    Vec3::ONE
+                } else {
+                    Vec3::ZERO
+                }
+            }
         };
         let emission_texture = glow.map(|name| self.map(place, material, "map_Ke", name, Holds::Colors));
         let opacity = self.opacity(place, material, matches!(surface, Surface::Dielectric { .. }));

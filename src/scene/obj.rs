@@ -39,6 +39,24 @@ const IGNORED: &str = "o g s mg lod p l vp cstype deg bmat step curv curv2 surf 
 /// Those of them whose absence from the picture deserves a warning.
 const DRAWABLE: [&str; 5] = ["p", "l", "curv", "curv2", "surf"];
 
+/// How many of a face's corners have an attribute.
+#[derive(Clone, Copy, PartialEq)]
+enum Share {
+    None,
+    Some,
+    All,
+}
+
+impl Share {
+    fn of(count: usize, corners: usize) -> Share {
+        match count {
+            0 => Share::None,
+            _ if count < corners => Share::Some,
+            _ => Share::All,
+        }
+    }
+}
+
 /// What the check of the statements gathers on the way.
 #[derive(Default)]
 struct Census {
@@ -50,6 +68,8 @@ struct Census {
     /// Names in `usemtl` statements, in the order of their first appearance.
     materials: Vec<String>,
     material_numbers: HashMap<String, usize>,
+    /// Which attributes the corners of the last face have.
+    attributes: Option<[Share; 2]>,
     /// What was left out, and the line of its first appearance.
     warnings: Vec<(usize, String)>,
 }
@@ -97,14 +117,22 @@ impl Census {
                 push_words(out, "vn", numbers, 3);
             }
             "f" => {
-                let mut corners = 0;
+                let [mut corners, mut uvs, mut normals] = [0; 3];
                 for corner in words {
-                    self.check_corner(corner)?;
+                    let [has_uv, has_normal] = self.check_corner(corner)?;
                     corners += 1;
+                    uvs += usize::from(has_uv);
+                    normals += usize::from(has_normal);
                 }
                 if corners < 3 {
                     return Err(Fault::new(format!("a face of {corners} corners"), "at least 3"));
                 }
+                // All faces of a group must have what one of them has.
+                let attributes = Some([uvs, normals].map(|count| Share::of(count, corners)));
+                if self.attributes.is_some() && self.attributes != attributes {
+                    out.push_str("g\n");
+                }
+                self.attributes = attributes;
                 if uncommented {
                     push_line(out, statement);
                 } else {
@@ -140,11 +168,12 @@ impl Census {
         Ok(())
     }
 
-    /// Checks `position`, `position/uv`, `position//normal` or `position/uv/normal`.
-    fn check_corner(&self, corner: &str) -> Result<(), Fault> {
+    /// Checks `position`, `position/uv`, `position//normal` or `position/uv/normal`. Returns whether there are the last two.
+    fn check_corner(&self, corner: &str) -> Result<[bool; 2], Fault> {
         let mut parts = corner.split('/');
-        for (name, count) in [("position", self.positions), ("texture coordinate", self.uvs), ("normal", self.normals)]
-        {
+        let mut has = [false; 3];
+        let kinds = [("position", self.positions), ("texture coordinate", self.uvs), ("normal", self.normals)];
+        for (has, (name, count)) in has.iter_mut().zip(kinds) {
             match parts.next() {
                 None => break,
                 Some("") if name != "position" => {}
@@ -160,11 +189,12 @@ impl Census {
                         };
                         return Err(Fault::new(found, expected));
                     }
+                    *has = true;
                 }
             }
         }
         match parts.next() {
-            None => Ok(()),
+            None => Ok([has[1], has[2]]),
             Some(_) => Err(Fault::new(quote(corner), "at most position/texture coordinate/normal")),
         }
     }
@@ -230,6 +260,9 @@ pub(super) fn load(path: &Path, normals: Normals, library: &mut mtl::Library) ->
             return Err(Error::unexpected(Place::file(path), "more than 2³² vertices", "a smaller mesh"));
         }
         let mesh = convert(model, material, path, library);
+        if mesh.uvs.is_empty() {
+            library.bare.insert((material, path.to_owned()));
+        }
         let keeps_normals = matches!(normals, Normals::Auto { .. }) && !mesh.normals.is_empty();
         if keeps_normals { &mut given } else { &mut bare }.append(mesh);
     }
@@ -273,7 +306,7 @@ fn convert(model: tobj::Mesh, material: u32, path: &Path, library: &mut mtl::Lib
     let mut partly = |given: usize, what: &str| {
         let partly = given != 0 && given != positions.len();
         if partly {
-            library.warn(Place::file(path), format!("some faces have {what} and some have none: all of them ignored"));
+            library.warn(Place::file(path), format!("some corners of faces have {what} and some have none: ignored"));
         }
         partly
     };

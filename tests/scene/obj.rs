@@ -22,10 +22,15 @@ fn concave_polygons_keep_their_outline() {
 
 #[test]
 fn a_texture_without_coordinates_warns() {
-    let folder = Folder::new(&[("a.obj", TRIANGLE), ("a.mtl", "newmtl m\nmap_Kd t.png\n")]);
+    let others = format!("{TRIANGLE}vt 0 0\nusemtl n\nf 1/1 2/1 3/1\nusemtl plain\nf 1 3 2\n");
+    let mtl = "newmtl m\nmap_Kd t.png\nnewmtl n\nmap_Kd t.png\nnewmtl plain\nKd 1 1 1\n";
+    let folder = Folder::new(&[("a.obj", TRIANGLE), ("b.obj", &others), ("a.mtl", mtl)]);
     image::RgbImage::new(1, 1).save(folder.path("t.png")).unwrap();
-    let (_, warnings) = folder.load("a.obj").unwrap();
-    assert!(warnings[0].to_string().contains("no texture coordinates, though its material `m`"), "{}", warnings[0]);
+    for name in ["a.obj", "b.obj"] {
+        let (_, warnings) = folder.load(name).unwrap();
+        let expected = format!("{name}: faces without texture coordinates, though their material `m` has a texture");
+        assert!(warnings.len() == 1 && warnings[0].to_string().ends_with(&expected), "{warnings:?}");
+    }
 }
 
 #[test]
@@ -152,8 +157,25 @@ fn given_normals_are_kept_and_made_unit() {
 }
 
 #[test]
-fn faces_with_and_without_coordinates_warn() {
-    let (scene, warnings) = obj("v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nf 1/1 2/1 3/1\nf 1 3 2\n");
+fn faces_keep_what_their_neighbours_lack() {
+    let (scene, warnings) = obj(
+        "v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0.5 1\nvn 0 1 1\no one\nf 1/1/1 2/1/1 3/1/1\no two\nf 1//1 3//1 2//1\nf 1/1 2/1 3/1\n",
+    );
+    let mesh = &scene.meshes[0];
+    let uvs: Vec<Vec2> = (0..3).map(|triangle| mesh.corner_uvs(triangle)[0]).collect();
+    assert_eq!(uvs, [Vec2::new(0.5, 1.0), Vec2::ZERO, Vec2::new(0.5, 1.0)]);
+    let normals: Vec<Vec3> = mesh.triangles.iter().map(|corners| mesh.normals[corners[0] as usize]).collect();
+    let given = Vec3::new(0.0, 1.0, 1.0).normalize();
+    assert!(
+        normals.iter().zip([given, given, Vec3::Z]).all(|(normal, expected)| normal.distance(expected) < 1e-6),
+        "{normals:?}"
+    );
+    assert!(warnings.is_empty(), "{warnings:?}");
+}
+
+#[test]
+fn corners_with_and_without_coordinates_warn() {
+    let (scene, warnings) = obj("v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nf 1/1 2 3/1\n");
     assert!(scene.meshes[0].uvs.is_empty());
-    assert!(warnings[0].to_string().contains("some faces have texture coordinates"), "{}", warnings[0]);
+    assert!(warnings[0].to_string().contains("some corners of faces have texture coordinates"), "{}", warnings[0]);
 }
