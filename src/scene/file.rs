@@ -10,7 +10,8 @@ use super::error::{Error, Place, Warning, nearest};
 use super::light::BRIGHTEST;
 use super::mesh::{self, LARGEST_COORDINATE};
 use super::mtl::{Holds, Library, TextureFile, metal_of};
-use super::obj::{self, Normals, beside};
+use super::named_file::beside;
+use super::obj::{self, Normals};
 use super::table::{Source, Table, Value, read_text};
 use super::{
     Bounds, Camera, Color, Environment, Film, Fresnel, Instance, LayerBase, Layered, Lens, Material, Mesh, Opacity,
@@ -57,18 +58,17 @@ fn load_scene_file(path: &Path) -> Result<(Scene, Vec<Warning>), Error> {
     let film = root.get("film").map(|value| film(&value.table()?)).transpose()?.unwrap_or(FILM);
     let mut instances = Vec::new();
     for entry in root.require("mesh")?.array()? {
-        add_mesh(&entry.table()?, path, &mut loader, &mut instances)?;
+        add_mesh(&entry.table()?, &mut loader, &mut instances)?;
     }
     if instances.is_empty() {
         return Err(root.error("no instance of a mesh", "at least one"));
     }
     if let Some(value) = root.get("material") {
         for (name, value) in value.table()?.iter() {
-            override_material(name, &value, path, &mut loader.library)?;
+            override_material(name, &value, &mut loader.library)?;
         }
     }
-    let environment =
-        root.get("environment").map(|value| environment(&value.table()?, path, &mut loader)).transpose()?;
+    let environment = root.get("environment").map(|value| environment(&value.table()?, &mut loader)).transpose()?;
     let sun = root.get("sun").map(|value| sun(&value.table()?)).transpose()?;
     loader.finish(path, camera, film, instances, environment, sun)
 }
@@ -259,9 +259,10 @@ fn film(table: &Table) -> Result<Film, Error> {
     Ok(Film { width: side("width")?, height: side("height")? })
 }
 
-fn add_mesh(table: &Table, file: &Path, loader: &mut Loader, instances: &mut Vec<Instance>) -> Result<(), Error> {
+fn add_mesh(table: &Table, loader: &mut Loader, instances: &mut Vec<Instance>) -> Result<(), Error> {
     table.allow(&["file", "normals", "crease_angle", "transform", "instances"])?;
-    let path = beside(file, table.require("file")?.string()?);
+    let named = table.require("file")?;
+    let path = beside(&named.place(), named.string()?, &mut loader.library.warnings);
     let crease = table.get("crease_angle").map(|value| value.number(0.0, 180.0)).transpose()?;
     let crease_degrees = crease.unwrap_or(obj::CREASE_DEGREES);
     let normals = match table.get("normals").map(|value| Ok((value.string()?, value))).transpose()? {
@@ -328,7 +329,7 @@ const MATERIAL_TYPES: &str =
     "\"diffuse\", \"conductor\", \"mirror\", \"dielectric\", \"coated\", \"measured\", \"layered\" or \"woven\"";
 
 /// Changes the materials of a name as a table of the scene file says.
-fn override_material(name: &str, value: &Value, file: &Path, library: &mut Library) -> Result<(), Error> {
+fn override_material(name: &str, value: &Value, library: &mut Library) -> Result<(), Error> {
     let table = value.table()?;
     if let Some(map) = table.get(MAPS[2]) {
         return Err(map.error(MAPS_ARE_LEARNED));
@@ -346,15 +347,15 @@ fn override_material(name: &str, value: &Value, file: &Path, library: &mut Libra
         let color = |color: &Value| color.color(0.0, BRIGHTEST);
         let mut map = |key: &str, holds: Holds| {
             let named = table.get(key);
-            named.map(|value| texture(&value, holds, file, library)).transpose()
+            named.map(|value| texture(&value, holds, library)).transpose()
         };
         let normal_map = map(MAPS[1], Holds::Normals)?.or(before.normal_map);
         let glow = map("emission_texture", Holds::Colors)?;
         // A texture without a colour is multiplied by 1.
         let glows = glow.is_some() && !before.is_emissive();
         let emission_before = if glows { Vec3::ONE } else { before.emission };
-        let surface = surface(&table, &before.surface, file, library)?;
-        let roughness_map = roughness_map(&table, &surface, &before, file, library)?;
+        let surface = surface(&table, &before.surface, library)?;
+        let roughness_map = roughness_map(&table, &surface, &before, library)?;
         let is_glass = |surface: &Surface| matches!(surface, Surface::Dielectric { .. });
         // The MTL file's `d` said that one sees through what is glass now.
         let becomes_glass = is_glass(&surface) && !is_glass(&before.surface);
@@ -368,12 +369,12 @@ fn override_material(name: &str, value: &Value, file: &Path, library: &mut Libra
             emits_both_sides: table
                 .get("emits_both_sides")
                 .map_or(Ok(before.emits_both_sides), |value| value.boolean())?,
-            opacity: table.get("opacity").map_or(Ok(opacity_before), |value| opacity(&value, file, library))?,
+            opacity: table.get("opacity").map_or(Ok(opacity_before), |value| opacity(&value, library))?,
             normal_map,
             name: before.name.clone(),
             patches: before.patches,
         };
-        metal_map(&table, index, &before, file, library)?;
+        metal_map(&table, index, &before, library)?;
         let material = &library.materials[index];
         let has_both = material.is_emissive() && !material.opacity.is_whole();
         let named = ["opacity", "emission", "emission_texture"].iter().find_map(|key| table.get(key));
@@ -386,9 +387,10 @@ fn override_material(name: &str, value: &Value, file: &Path, library: &mut Libra
 }
 
 /// The number of the texture that a value names: a file, or a table of a file and where it lies.
-fn texture(value: &Value, holds: Holds, file: &Path, library: &mut Library) -> Result<u32, Error> {
+fn texture(value: &Value, holds: Holds, library: &mut Library) -> Result<u32, Error> {
     if let Ok(name) = value.string() {
-        return Ok(library.texture(beside(file, name), holds, TexturePlacement::default(), &value.place()));
+        let path = beside(&value.place(), name, &mut library.warnings);
+        return Ok(library.texture(path, holds, TexturePlacement::default(), &value.place()));
     }
     let table =
         value.table().map_err(|_| value.error("a file, or a table like { file = \"tiles.png\", scale = [4, 4] }"))?;
@@ -399,7 +401,8 @@ fn texture(value: &Value, holds: Holds, file: &Path, library: &mut Library) -> R
     let scale = numbers("scale")?.unwrap_or(otherwise.scale);
     let offset = numbers("offset")?.unwrap_or(otherwise.offset);
     let name = table.require("file")?;
-    Ok(library.texture(beside(file, name.string()?), holds, TexturePlacement { scale, offset }, &name.place()))
+    let path = beside(&name.place(), name.string()?, &mut library.warnings);
+    Ok(library.texture(path, holds, TexturePlacement { scale, offset }, &name.place()))
 }
 
 /// The map of roughness of a material whose surface a table has changed. A roughness of the table counts for more than a map of the MTL
@@ -408,7 +411,6 @@ fn roughness_map(
     table: &Table,
     surface: &Surface,
     before: &Material,
-    file: &Path,
     library: &mut Library,
 ) -> Result<Option<u32>, Error> {
     let is_mirror = table.get("type").map(|value| value.string()).transpose()? == Some("mirror");
@@ -424,13 +426,13 @@ fn roughness_map(
     if has_roughness {
         return Err(value.error("either a roughness, or a map of it"));
     }
-    texture(&value, Holds::Roughnesses, file, library).map(Some)
+    texture(&value, Holds::Roughnesses, library).map(Some)
 }
 
 /// The metal that a material is where a map says so, of the colour and the roughness that a table leaves it with.
-fn metal_map(table: &Table, index: usize, before: &Material, file: &Path, library: &mut Library) -> Result<(), Error> {
+fn metal_map(table: &Table, index: usize, before: &Material, library: &mut Library) -> Result<(), Error> {
     let value = table.get("metal_map");
-    let map = value.as_ref().map(|value| texture(value, Holds::Metalness, file, library)).transpose()?;
+    let map = value.as_ref().map(|value| texture(value, Holds::Metalness, library)).transpose()?;
     let material = library.materials[index].clone();
     let Some(map) = map.or(material.patches.map(|patches| patches.map)) else { return Ok(()) };
     let keeps_surface = material.surface == before.surface && material.roughness_map == before.roughness_map;
@@ -461,7 +463,7 @@ pub(super) const MAPS_ARE_LEARNED: &str =
 
 /// The surface that a material's table asks for. What it does not say stays as it was before, if that was of the same
 /// type, or is the type's default.
-pub(super) fn surface(table: &Table, before: &Surface, file: &Path, library: &mut Library) -> Result<Surface, Error> {
+pub(super) fn surface(table: &Table, before: &Surface, library: &mut Library) -> Result<Surface, Error> {
     let allow = |keys: &[&str]| table.allow(&[&["type"], &OF_A_SCENE[..], &MAPS, keys].concat());
     let unchanged = match before {
         Surface::Diffuse { .. } => "diffuse",
@@ -481,7 +483,7 @@ pub(super) fn surface(table: &Table, before: &Surface, file: &Path, library: &mu
                 Surface::Diffuse { albedo } | Surface::Coated { albedo, .. } => Some(*albedo),
                 _ => None,
             };
-            Ok(Surface::Diffuse { albedo: color(table, "albedo", before, file, library)? })
+            Ok(Surface::Diffuse { albedo: color(table, "albedo", before, library)? })
         }
         "conductor" => {
             allow(&["metal", "f0", "eta", "k", "texture", "roughness", "alpha"])?;
@@ -490,7 +492,7 @@ pub(super) fn surface(table: &Table, before: &Surface, file: &Path, library: &mu
                 _ => (None, None),
             };
             let alpha = alpha(table)?.or(alpha_before).unwrap_or(Vec2::ZERO);
-            Ok(Surface::Conductor { fresnel: fresnel(table, fresnel_before, file, library)?, alpha })
+            Ok(Surface::Conductor { fresnel: fresnel(table, fresnel_before, library)?, alpha })
         }
         "mirror" => {
             allow(&["f0"])?;
@@ -515,18 +517,19 @@ pub(super) fn surface(table: &Table, before: &Surface, file: &Path, library: &mu
                 _ => (None, None, None),
             };
             let alpha = smooth_or(isotropic_alpha(table)?.or(alpha_before));
-            let albedo = color(table, "albedo", albedo_before, file, library)?;
+            let albedo = color(table, "albedo", albedo_before, library)?;
             Ok(Surface::Coated { albedo, ior: ior(table, ior_before, 1.0)?, alpha })
         }
         "measured" => {
             allow(&["file", "name"])?;
-            let path = table.require("file")?;
+            let named = table.require("file")?;
             let name = table.get("name").map(|name| name.string()).transpose()?;
-            Ok(Surface::Measured { brdf: library.brdf(beside(file, path.string()?), name, &path.place())? })
+            let path = beside(&named.place(), named.string()?, &mut library.warnings);
+            Ok(Surface::Measured { brdf: library.brdf(path, name, &named.place())? })
         }
         "layered" => {
             allow(&["ior", "roughness", "alpha", "absorption", "base"])?;
-            Ok(Surface::Layered(layered(table, file, library)?))
+            Ok(Surface::Layered(layered(table, library)?))
         }
         "woven" => {
             allow(&["warp", "weft"])?;
@@ -537,7 +540,7 @@ pub(super) fn surface(table: &Table, before: &Surface, file: &Path, library: &mu
 }
 
 /// The layers of a table.
-fn layered(table: &Table, file: &Path, library: &mut Library) -> Result<Layered, Error> {
+fn layered(table: &Table, library: &mut Library) -> Result<Layered, Error> {
     let base_table = table.require("base")?.table()?;
     base_table.allow(&["type", "albedo", "metal", "f0", "eta", "k", "roughness", "alpha"])?;
     let rough_enough = |table: &Table, alpha: f32| {
@@ -545,7 +548,7 @@ fn layered(table: &Table, file: &Path, library: &mut Library) -> Result<Layered,
         if alpha >= Layered::LEAST_ALPHA { Ok(()) } else { Err(table.error(format!("an α of {alpha}"), expected)) }
     };
     let grey = Surface::Diffuse { albedo: Color::constant(Vec3::splat(0.5)) };
-    let base = match surface(&base_table, &grey, file, library)? {
+    let base = match surface(&base_table, &grey, library)? {
         Surface::Diffuse { albedo } => LayerBase::Diffuse { albedo: albedo.value },
         Surface::Conductor { fresnel, alpha } => {
             rough_enough(&base_table, alpha.min_element())?;
@@ -565,20 +568,20 @@ fn layered(table: &Table, file: &Path, library: &mut Library) -> Result<Layered,
 }
 
 /// A number, or a texture of them.
-fn opacity(value: &Value, file: &Path, library: &mut Library) -> Result<Opacity, Error> {
+fn opacity(value: &Value, library: &mut Library) -> Result<Opacity, Error> {
     if value.string().is_ok() || value.table().is_ok() {
-        return Ok(Opacity { value: 1.0, texture: Some(texture(value, Holds::Opacities, file, library)?) });
+        return Ok(Opacity { value: 1.0, texture: Some(texture(value, Holds::Opacities, library)?) });
     }
     Ok(Opacity { value: value.number(0.0, 1.0)?, texture: None })
 }
 
 /// A colour and the texture that multiplies it. A texture without a colour is multiplied by 1.
-fn color(table: &Table, key: &str, before: Option<Color>, file: &Path, library: &mut Library) -> Result<Color, Error> {
+fn color(table: &Table, key: &str, before: Option<Color>, library: &mut Library) -> Result<Color, Error> {
     let value = table.get(key).map(|value| value.color(0.0, 1.0)).transpose()?;
     match table.get("texture") {
         Some(texture) => Ok(Color {
             value: value.unwrap_or(Vec3::ONE),
-            texture: Some(self::texture(&texture, Holds::Colors, file, library)?),
+            texture: Some(self::texture(&texture, Holds::Colors, library)?),
         }),
         None => match value {
             Some(value) => Ok(Color::constant(value)),
@@ -587,14 +590,14 @@ fn color(table: &Table, key: &str, before: Option<Color>, file: &Path, library: 
     }
 }
 
-fn fresnel(table: &Table, before: Option<Fresnel>, file: &Path, library: &mut Library) -> Result<Fresnel, Error> {
+fn fresnel(table: &Table, before: Option<Fresnel>, library: &mut Library) -> Result<Fresnel, Error> {
     let has_f0 = table.has("f0") || table.has("texture");
     match (table.get("metal"), has_f0, table.get("eta"), table.get("k")) {
         (Some(name), false, None, None) => metals::metal(name.string()?).ok_or_else(|| {
             let names: Vec<&str> = metals::names().collect();
             name.error(format!("one of the metals {}", names.join(", ")))
         }),
-        (None, true, None, None) => Ok(Fresnel::Schlick { f0: color(table, "f0", None, file, library)? }),
+        (None, true, None, None) => Ok(Fresnel::Schlick { f0: color(table, "f0", None, library)? }),
         (None, false, Some(eta), Some(k)) => {
             Ok(Fresnel::Complex { eta: eta.color(0.001, 100.0)?, kappa: k.color(0.0, 100.0)? })
         }
@@ -633,13 +636,14 @@ fn ior(table: &Table, before: Option<f32>, least: f32) -> Result<f32, Error> {
     table.get("ior").map_or(Ok(before.unwrap_or(1.5)), |value| value.number(least, 10.0))
 }
 
-fn environment(table: &Table, file: &Path, loader: &mut Loader) -> Result<Environment, Error> {
+fn environment(table: &Table, loader: &mut Loader) -> Result<Environment, Error> {
     table.allow(&["file", "radiance", "scale", "rotate"])?;
     let scale = table.get("scale").map_or(Ok(Vec3::ONE), |value| value.color(0.0, BRIGHTEST))?;
     let rotation = table.get("rotate").map_or(Ok(0.0), |value| value.number(-1e6, 1e6))?;
     let environment = match (table.get("file"), table.get("radiance")) {
         (Some(name), None) => {
-            decode::environment(&beside(file, name.string()?), &name.place(), scale, &mut loader.library.warnings)?
+            let warnings = &mut loader.library.warnings;
+            decode::environment(&beside(&name.place(), name.string()?, warnings), &name.place(), scale, warnings)?
         }
         (None, Some(radiance)) => Environment::constant(radiance.color(0.0, BRIGHTEST)? * scale),
         _ => return Err(table.error("not just one of `file` and `radiance`", "exactly one of them")),

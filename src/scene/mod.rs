@@ -21,6 +21,7 @@ mod material;
 mod mesh;
 mod metals;
 mod mtl;
+mod named_file;
 mod normals;
 mod obj;
 mod polygon;

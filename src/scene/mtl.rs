@@ -9,7 +9,7 @@ use glam::{Vec2, Vec3};
 
 use super::error::{Error, Place, Warning, open, quote};
 use super::light::BRIGHTEST;
-use super::obj::beside;
+use super::named_file::beside;
 use super::statements::{Fault, Statements, number};
 use super::{Brdf, Color, Fresnel, Material, Opacity, Patches, Surface, TexturePlacement};
 
@@ -83,11 +83,11 @@ impl Library {
         for (line, names) in names {
             let place = Place::line(obj, *line);
             // A statement may name several files, or one file with spaces in its name.
-            let whole = beside(obj, names);
+            let whole = beside(&place, names, &mut self.warnings);
             let files = if whole.exists() {
                 vec![whole]
             } else {
-                names.split_whitespace().map(|name| beside(obj, name)).collect()
+                names.split_whitespace().map(|name| beside(&place, name, &mut self.warnings)).collect()
             };
             for file in files {
                 self.read_material_file(&file, &place)?;
@@ -281,7 +281,8 @@ impl Library {
     /// The number of the texture that a statement names, placed as its options say.
     fn map(&mut self, place: &Place, material: &tobj::Material, statement: &str, name: &str, holds: Holds) -> u32 {
         let placed = material.unknown_param.get(&placed(statement)).and_then(|text| placement_of(text));
-        self.texture(beside(&place.file, name), holds, placed.unwrap_or_default(), place)
+        let path = beside(place, name, &mut self.warnings);
+        self.texture(path, holds, placed.unwrap_or_default(), place)
     }
 
     /// What `d` and `map_d` say. Of glass `d` says that one sees through, not that it is not there.

@@ -2,7 +2,7 @@
 
 use std::collections::HashMap;
 use std::io::BufReader;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use glam::{Vec2, Vec3};
 
@@ -335,11 +335,4 @@ fn convert(model: tobj::Mesh, material: u32, path: &Path, library: &mut mtl::Lib
     }
     let materials = vec![material; triangles.len()];
     Mesh { name: String::new(), positions, normals, uvs, triangles, materials }
-}
-
-/// A file named in another one, which may spell folders as Windows does.
-pub(super) fn beside(file: &Path, name: &str) -> PathBuf {
-    let folder = file.parent().unwrap_or(Path::new(""));
-    let path = folder.join(name);
-    if name.contains('\\') && !path.exists() { folder.join(name.replace('\\', "/")) } else { path }
 }

@@ -42,7 +42,7 @@ impl Surface {
         }
         table.require("type")?;
         let mut library = Library::default();
-        let surface = surface(&table, &grey(), path, &mut library)?;
+        let surface = surface(&table, &grey(), &mut library)?;
         Ok((surface, library.brdfs))
     }
 }

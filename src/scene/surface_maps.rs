@@ -5,7 +5,7 @@ use std::path::Path;
 use super::error::{Error, Warning};
 use super::file::{MAPS, OF_A_SCENE, surface};
 use super::mtl::Library;
-use super::obj::beside;
+use super::named_file::beside;
 use super::surface_file::{LONGEST_FILE, grey};
 use super::table::{Source, Table, Value, read_text};
 use super::{Surface, Texture, decode};
@@ -46,7 +46,7 @@ impl SurfaceMaps {
             }
         }
         let kind = table.require("type")?;
-        let surface = surface(&table, &grey(), path, &mut Library::default())?;
+        let surface = surface(&table, &grey(), &mut Library::default())?;
         let is_rough = match surface {
             Surface::Diffuse { .. } => false,
             Surface::Conductor { .. } | Surface::Coated { .. } => true,
@@ -61,7 +61,8 @@ impl SurfaceMaps {
         let mut warnings = Vec::new();
         let mut read = |value: Option<Value>, is_color: bool| {
             let read = |value: Value| {
-                let (file, place) = (beside(path, value.string()?), value.place());
+                let place = value.place();
+                let file = beside(&place, value.string()?, &mut warnings);
                 match is_color {
                     true => decode::texture(&file, &place, &mut warnings).map(|(texture, _)| texture),
                     false => decode::numbers(&file, &place, &mut warnings),

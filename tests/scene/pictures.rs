@@ -42,6 +42,52 @@ fn textures_decode_to_linear_and_load_once() {
     assert!(warnings.iter().any(|warning| warning.contains("2 texels lie outside of [0, 1]")), "{warnings:?}");
 }
 
+/// Names of other systems: quotes, backslashes, drives, other cases. A file that is not there stays an error.
+#[test]
+fn files_are_found_by_the_names_of_other_systems() {
+    let names = [
+        "wood.png",
+        "./wood.png",
+        "\"wood.png\"",
+        "tex\\wood.png",
+        "Tex\\WOOD.png",
+        "C:\\art\\wood.png",
+        "/art/Wood.PNG",
+    ];
+    let materials: Vec<String> = (0..names.len()).map(|index| format!("m{index}")).collect();
+    let obj = triangles_of(&materials.iter().map(String::as_str).collect::<Vec<_>>()).replace("a.mtl", "\"A.mtl\"");
+    let texture = |(material, name)| format!("newmtl {material}\nmap_Kd {name}\n");
+    let mtl: String = materials.iter().zip(names).map(texture).collect();
+    let toml = format!("[[mesh]]\nfile = 'A.obj'\n[material.m0]\nnormal_map = '..\\WOOD.png'\n{SKY}");
+    let folder = Folder::new(&[("a.obj", &obj), ("a.mtl", &mtl), ("s.toml", &toml)]);
+    fs::create_dir(folder.path("tex")).unwrap();
+    for name in ["wood.png", "tex/wood.png"] {
+        image::RgbImage::new(1, 1).save(folder.path(name)).unwrap();
+    }
+    let (scene, warnings) = folder.load("s.toml").unwrap();
+    let texture = |material: &Material| material.surface.texture().unwrap();
+    assert_eq!(scene.materials.iter().map(texture).collect::<Vec<_>>(), [0, 0, 0, 2, 2, 0, 0]);
+    let warnings: Vec<String> = warnings.iter().map(Warning::to_string).collect();
+    for (part, found) in [
+        ("s.toml:2: mesh[0].file: there is no `A.obj`", "a.obj"),
+        ("a.obj:1: there is no `\"A.mtl\"`", "a.mtl"),
+        ("material `m4`: there is no `Tex\\WOOD.png`", "tex/wood.png"),
+        ("material `m5`: there is no `C:\\art\\wood.png`", "wood.png"),
+        ("material `m6`: there is no `/art/Wood.PNG`", "wood.png"),
+        ("s.toml:4: material.m0.normal_map: there is no `..\\WOOD.png`", "wood.png"),
+    ] {
+        let taken = format!("{} is taken", folder.path(found).display());
+        assert!(
+            warnings.iter().any(|warning| warning.contains(part) && warning.ends_with(&taken)),
+            "{part}: {warnings:?}"
+        );
+    }
+    assert_eq!(warnings.len(), 6, "{warnings:?}");
+    fs::write(folder.path("a.mtl"), mtl.replace("C:\\art\\wood", "C:\\art\\steel")).unwrap();
+    let error = folder.load("s.toml").map(|_| ()).unwrap_err().to_string();
+    assert!(error.contains("steel.png: cannot be read") && error.contains("material `m5`"), "{error}");
+}
+
 /// A file is one texture as a colour and another as an opacity: its alpha, or where it has none its brightness, as it is written.
 #[test]
 fn opacities_are_alphas_or_brightnesses() {

@@ -1,0 +1,50 @@
+//! Files that another file names, as the system that this one comes from spells them.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use super::error::{Place, Warning, quote};
+
+/// Most folders and files in a name that is looked for in other cases, as each may take the listing of a folder.
+const MOST_PARTS: usize = 32;
+
+/// The path of a name in a file, to which it is relative. Unless there is a file of that very name, quotes are dropped, backslashes part
+/// folders, and letters may be in another case; of a file that is not where it says, one of its name beside the file that names it is
+/// taken. A warning tells of both. If there is none at all it is the path that the name says.
+pub(super) fn beside(place: &Place, name: &str, warnings: &mut Vec<Warning>) -> PathBuf {
+    let folder = place.file.parent().unwrap_or(Path::new(""));
+    let exact = folder.join(name);
+    if exact.exists() {
+        return exact;
+    }
+    let plain = name.trim_matches('"').replace('\\', "/");
+    let plain = Path::new(&plain);
+    let names = [Some(plain), plain.file_name().map(Path::new)];
+    let Some(found) = names.into_iter().flatten().find_map(|name| in_any_case(folder, name)) else { return exact };
+    if found != folder.join(plain) {
+        let message = format!("there is no {}: {} is taken", quote(name), found.display());
+        warnings.push(Warning { place: place.clone(), message });
+    }
+    found
+}
+
+/// The file in a folder whose name, part by part, is that one but for the case of letters.
+fn in_any_case(folder: &Path, name: &Path) -> Option<PathBuf> {
+    if name.components().nth(MOST_PARTS).is_some() {
+        return None;
+    }
+    let mut path = folder.to_owned();
+    for part in name.components() {
+        let exact = path.join(part);
+        if exact.exists() {
+            path = exact;
+            continue;
+        }
+        let folded = |name: &std::ffi::OsStr| name.to_string_lossy().to_lowercase();
+        let wanted = folded(part.as_os_str());
+        let here = if path.as_os_str().is_empty() { Path::new(".") } else { &path };
+        let names = fs::read_dir(here).ok()?.flatten().map(|entry| entry.file_name());
+        path.push(names.filter(|name| folded(name) == wanted).min()?);
+    }
+    path.is_file().then_some(path)
+}
