@@ -22,7 +22,7 @@ fn mapped(placement: TexturePlacement) -> Scene {
     let textured = Color { value: Vec3::ONE, texture: Some(0) };
     let metal = Surface::Conductor { fresnel: Fresnel::Schlick { f0: textured }, alpha: Vec2::splat(0.3) };
     let materials = vec![
-        Material { emission: Vec3::splat(0.5), emission_texture: Some(0), ..material("floor", diffuse(0.6)) },
+        Material { emission: Vec3::splat(0.5), emission_texture: Some(3), ..material("floor", diffuse(0.6)) },
         Material { normal_map: Some(1), ..material("bumps", Surface::Diffuse { albedo: textured }) },
         Material {
             roughness_map: Some(2),
@@ -35,6 +35,8 @@ fn mapped(placement: TexturePlacement) -> Scene {
     let slope = |at: Vec2| Vec2::new(0.6 * (TAU * at.x).cos(), 0.8 * at.y - 0.2);
     scene.textures.push(texture(8, |at| 0.5 * slope(at).extend(1.0).normalize() + 0.5));
     scene.textures.push(texture(4, |at| Vec3::splat(if at.x < 0.5 { 1.0 } else { 0.3 + 0.4 * at.y })));
+    // The first one's texels once more.
+    scene.textures.push(scene.textures[0].clone());
     scene.textures.iter_mut().for_each(|texture| texture.placement = placement);
     scene
 }

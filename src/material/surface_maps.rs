@@ -4,6 +4,8 @@
 //! reflects of a light is what it receives, cos θ′i about n′, and the renderer multiplies by cos θi about the surface's own normal: so
 //! f = f′(ωo′, ωi′) r(ωi), with r of [`SurfaceFrame::received`]; nothing where a direction is below the frame. It never reflects more than f′ does.
 
+use std::sync::Arc;
+
 use glam::{DVec2, DVec3, Vec2};
 use half::f16;
 
@@ -40,7 +42,7 @@ impl VaryingSurface {
         let doubled = maps
             .direction
             .as_ref()
-            .map(|map| Texture { texels: map.texels.iter().map(doubled).collect(), ..map.clone() });
+            .map(|map| Texture { texels: Arc::new(map.texels.iter().map(doubled).collect()), ..map.clone() });
         VaryingSurface { maps, prepared, doubled }
     }
 

@@ -15,7 +15,7 @@ use super::neubrdf_table::{NeuBrdfShape, neubrdfs};
 use super::settings::Traversal;
 use crate::gpu::{Buffer, HostMesh, Tlas, Update, Upload};
 use crate::scene::brdf::Precision;
-use crate::scene::{Environment, LightTable, Material, Scene, TexturePlacement};
+use crate::scene::{Environment, LightTable, Material, Scene, Texture, TexturePlacement};
 
 /// The uploaded scene.
 pub struct DeviceScene {
@@ -73,18 +73,25 @@ impl DeviceScene {
         let mut buffers = Vec::new();
         let mut textures = 0;
         if features.textures {
-            let mut records = Vec::new();
-            for texture in &scene.textures {
-                let texels = upload.buffer(&texture.name, &texture.texels)?;
+            let mut records: Vec<TextureRecord> = Vec::new();
+            for (index, texture) in scene.textures.iter().enumerate() {
+                let is_there = |before: &Texture| Arc::ptr_eq(&before.texels, &texture.texels);
+                let texels = match scene.textures[..index].iter().position(is_there) {
+                    Some(before) => records[before].texels,
+                    None => {
+                        let texels = upload.buffer(&texture.name, &texture.texels)?;
+                        buffers.push(texels.clone());
+                        texels.address()
+                    }
+                };
                 let TexturePlacement { scale, offset } = texture.placement;
                 records.push(TextureRecord {
-                    texels: texels.address(),
+                    texels,
                     width: texture.width,
                     height: texture.height,
                     scale: scale.into(),
                     offset: offset.into(),
                 });
-                buffers.push(texels);
             }
             let records = upload.buffer("textures", &records)?;
             textures = records.address();

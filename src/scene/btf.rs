@@ -8,6 +8,7 @@
 use std::f64::consts::PI;
 use std::fs;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use glam::{DVec3, Vec3};
 
@@ -172,7 +173,7 @@ impl BtfPreview {
             *count += 1.0;
         }
         let texel = |(sum, count): (Vec3, f32)| (sum / count).extend(1.0).to_array().map(half::f16::from_f32);
-        Texture { width, height, texels: sums.into_iter().map(texel).collect(), ..texture.clone() }
+        Texture { width, height, texels: Arc::new(sums.into_iter().map(texel).collect()), ..texture.clone() }
     }
 }
 

@@ -3,6 +3,7 @@
 use std::fs;
 use std::io::Read;
 use std::path::Path;
+use std::sync::Arc;
 
 use exr::prelude::{ReadChannels, ReadLayers};
 use glam::Vec3;
@@ -52,7 +53,7 @@ pub(super) fn opacity(path: &Path, named_by: &Place, warnings: &mut Vec<Warning>
     let grey = |number: f16| [number, number, number, f16::ONE];
     if is_exr(path, named_by)? {
         let mut texture = numbers(path, named_by, warnings)?;
-        for texel in &mut texture.texels {
+        for texel in Arc::make_mut(&mut texture.texels) {
             let [red, green, blue, _] = texel.map(f16::to_f32);
             *texel = grey(f16::from_f32(Vec3::new(red, green, blue).dot(LUMINANCE)));
         }

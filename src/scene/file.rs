@@ -1,5 +1,6 @@
 //! Scene files: TOML beside OBJ, as docs/scenes.md describes it, or a bare OBJ file.
 
+use std::collections::hash_map::Entry;
 use std::collections::{BTreeSet, HashMap};
 use std::mem::discriminant;
 use std::path::{Path, PathBuf};
@@ -151,10 +152,11 @@ fn framing(bounds: &Bounds, film: Film) -> Camera {
     Camera { eye, target, up: Vec3::Y, vertical_fov_degrees: FOV_DEGREES, lens: None }
 }
 
-/// Decodes the texture files that the materials still name.
+/// Decodes the texture files that the materials still name: an image once, wherever it lies.
 fn decode_textures(scene: &mut Scene, files: &[TextureFile], warnings: &mut Vec<Warning>) -> Result<(), Error> {
-    // What became of a file, once it is decoded.
+    // What became of a file and of its image, once that is decoded.
     let mut decoded: Vec<Option<Option<u32>>> = vec![None; files.len()];
+    let mut images: HashMap<usize, Option<Texture>> = HashMap::new();
     for material in &mut scene.materials {
         let Material { surface, emission_texture, opacity, normal_map, roughness_map, patches, .. } = material;
         let of_color = surface.color_mut().map(|color| &mut color.texture);
@@ -163,9 +165,14 @@ fn decode_textures(scene: &mut Scene, files: &[TextureFile], warnings: &mut Vec<
         for texture in of_color.into_iter().chain(others) {
             let Some(index) = texture.map(|index| index as usize) else { continue };
             if decoded[index].is_none() {
-                let found = decode_texture(&files[index], files, warnings)?;
-                decoded[index] = Some(found.map(|texture| {
-                    scene.textures.push(Texture { placement: files[index].placement, ..texture });
+                let file = &files[index];
+                let image = files.iter().position(|other| other.path == file.path && other.holds == file.holds);
+                let found = match images.entry(image.unwrap_or(index)) {
+                    Entry::Occupied(known) => known.into_mut(),
+                    Entry::Vacant(unknown) => unknown.insert(decode_texture(file, files, warnings)?),
+                };
+                decoded[index] = Some(found.clone().map(|texture| {
+                    scene.textures.push(Texture { placement: file.placement, ..texture });
                     scene.textures.len() as u32 - 1
                 }));
             }

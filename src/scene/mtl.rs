@@ -169,7 +169,7 @@ impl Library {
         self.materials.len() as u32 - 1
     }
 
-    /// The number of a texture file, which is decoded once, however often it is named.
+    /// The number of a texture file that lies so.
     pub fn texture(&mut self, path: PathBuf, holds: Holds, placement: TexturePlacement, named_by: &Place) -> u32 {
         let is_it = |known: &TextureFile| known.path == path && known.holds == holds && known.placement == placement;
         let index = self.textures.iter().position(is_it);

@@ -1,5 +1,7 @@
 //! Textures: linear RGB at half precision, sampled bilinearly, repeated in both directions.
 
+use std::sync::Arc;
+
 use glam::{Vec2, Vec3};
 use half::f16;
 
@@ -12,8 +14,9 @@ pub struct Texture {
     pub width: u32,
     /// Texels down, ≥ 1.
     pub height: u32,
-    /// `width × height` linear Rec. 709 texels, row by row from the top; the fourth number is 1.
-    pub texels: Vec<[f16; 4]>,
+    /// `width × height` linear Rec. 709 texels, row by row from the top; the fourth number is 1. Textures that place one image in several
+    /// ways share them.
+    pub texels: Arc<Vec<[f16; 4]>>,
     /// Where it lies.
     pub placement: TexturePlacement,
 }
@@ -43,7 +46,7 @@ impl Texture {
     /// Of whole rows of texels, where it lies unless somebody places it.
     pub fn new(name: impl Into<String>, width: u32, texels: Vec<[f16; 4]>) -> Texture {
         let height = texels.len() as u32 / width.max(1);
-        Texture { name: name.into(), width, height, texels, placement: TexturePlacement::default() }
+        Texture { name: name.into(), width, height, texels: Arc::new(texels), placement: TexturePlacement::default() }
     }
 
     /// Whether nearly all texels are unit vectors that point outwards, each component from −1 (0 in the texture) to 1, and not grey.
@@ -71,7 +74,7 @@ impl Texture {
             let normal = Vec3::new(-along_u, -along_v, 1.0).normalize();
             (0.5 + 0.5 * normal).extend(1.0).to_array().map(f16::from_f32)
         });
-        Texture { texels: texels.collect(), ..self.clone() }
+        Texture { texels: Arc::new(texels.collect()), ..self.clone() }
     }
 
     /// The bilinearly interpolated colour at a surface's texture coordinate (texel centres at half-integers).

@@ -8,6 +8,7 @@ mod shipped;
 
 use std::fs;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use glam::{Affine3A, Mat3, Vec2, Vec3};
 use half::f16;

@@ -26,8 +26,8 @@ fn textures_decode_to_linear_and_load_once() {
     let (scene, warnings) = folder.load("s.toml").unwrap();
     assert_eq!(scene.textures.len(), 2, "an overridden texture is not even looked for");
     let half = |rgb: [f32; 3]| [rgb[0], rgb[1], rgb[2], 1.0].map(f16::from_f32);
-    assert_eq!(scene.textures[0].texels, [half([0.0, 0.2158605, 0.0]), half([1.0, 0.2158605, 0.0])]);
-    assert_eq!(scene.textures[1].texels, [half([0.0, 0.25, 1.0]), half([1.0, 0.25, 1.0])]);
+    assert_eq!(*scene.textures[0].texels, [half([0.0, 0.2158605, 0.0]), half([1.0, 0.2158605, 0.0])]);
+    assert_eq!(*scene.textures[1].texels, [half([0.0, 0.25, 1.0]), half([1.0, 0.25, 1.0])]);
     assert_eq!((scene.textures[1].width, scene.textures[1].height), (1, 2));
     let albedo = |index: usize| match scene.materials[index].surface {
         Surface::Diffuse { albedo } => albedo,
@@ -229,6 +229,9 @@ fn textures_are_placed() {
     assert_eq!(placement(&scene, a.normal_map), [3.0, 1.0, 0.0, 0.0]);
     assert_eq!(placement(&scene, b.roughness_map), [5.0, 5.0, 0.0, 0.0]);
     assert_eq!(placement(&scene, b.normal_map), [-1.0, 1.0, 0.0, 0.0]);
+    let texels = |texture: Option<u32>| &scene.textures[texture.unwrap() as usize].texels;
+    assert!(Arc::ptr_eq(texels(a.surface.texture()), texels(a.emission_texture)), "an image is there once");
+    assert!(!Arc::ptr_eq(texels(a.surface.texture()), texels(a.normal_map)), "as colours and as normals");
     assert!(warnings.is_empty(), "{warnings:?}");
     fs::write(folder.path("a.mtl"), "newmtl a\nmap_d -s 1 2 a.png\nnewmtl b\n").unwrap();
     let (holes, _) = load("").unwrap();
