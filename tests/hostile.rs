@@ -74,7 +74,7 @@ const MTL: &str = "newmtl m\nKd .5 .5 .5\nmap_Kd -s 1 1 1 a.png\nmap_d a.png\nd 
 const TOML: &str = "[camera]\neye = [0, 0, 5]\ntarget = [0, 0, 0]\nfov = 40\nlens_radius = 0.1\n[film]\nwidth = 8\n\
     height = 8\n[[mesh]]\nfile = \"a.obj\"\ncrease_angle = 30\ntransform = { scale = 2, rotate = [0, 10, 0] }\n\
     instances = [{}, { translate = [1, 2, 3] }]\n[material.q]\ntype = \"measured\"\nfile = \"a.safetensors\"\n\
-    name = \"second\"\n[material.n]\ntype = \"coated\"\nroughness_map = \"a.tga\"\nopacity = \"a.png\"\n[material.p]\n\
+    name = \"second\"\n[material.n]\ntype = \"coated\"\ntexture = \"a.hdr\"\nroughness_map = \"a.tga\"\nopacity = \"a.png\"\n[material.p]\n\
     type = \"conductor\"\nmetal = \"gold\"\nalpha = [0.1, 0.2]\n[environment]\nfile = \"a.exr\"\nscale = 2\n[sun]\n\
     direction = [0, 1, 0]\nirradiance = [1, 2, 3]\n";
 
@@ -87,6 +87,9 @@ impl Folder {
         image.save(folder.path("a.tga")).unwrap();
         let color = |x: usize, y: usize| (x as f32, y as f32, 0.5);
         exr::prelude::write_rgb_file(folder.path("a.exr"), 16, 8, color).unwrap();
+        let hdr =
+            [b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 2 +X 8\n\x02\x02\0\x08", &[0x88, 9].repeat(4)[..], &[200; 32]];
+        fs::write(folder.path("a.hdr"), hdr.concat()).unwrap();
         let [first, second] = [networks::made(1.0, 4.0, 0.1), networks::made(5.0, 60.0, 0.02)];
         let file = networks::safetensors(&[("first", &first), ("second", &second)]);
         fs::write(folder.path("a.safetensors"), file).unwrap();
@@ -212,7 +215,7 @@ fn assert_valid(scene: &Scene) {
     }
 }
 
-const FILES: [&str; 8] = ["a.obj", "a.mtl", "a.toml", "a.png", "a.jpg", "a.tga", "a.exr", "a.safetensors"];
+const FILES: [&str; 9] = ["a.obj", "a.mtl", "a.toml", "a.png", "a.jpg", "a.tga", "a.exr", "a.hdr", "a.safetensors"];
 
 /// Unlike the override of the seed, this one keeps both textures in use.
 fn folder_with_textures() -> Folder {
@@ -246,7 +249,7 @@ fn every_file_may_end_anywhere() {
 #[test]
 fn truncated_images_and_networks_are_errors() {
     let folder = folder_with_textures();
-    for name in ["a.png", "a.exr", "a.safetensors"] {
+    for name in ["a.png", "a.exr", "a.hdr", "a.safetensors"] {
         let bytes = folder.read(name);
         for part in [0.1, 0.5, 0.9] {
             let message = folder.load_with(name, &bytes[..(bytes.len() as f64 * part) as usize]).unwrap_err();

@@ -1,14 +1,15 @@
-//! Image files to linear Rec. 709 texels: PNG, JPEG, TGA and BMP (taken as sRGB) and OpenEXR (taken as linear).
+//! Image files to linear Rec. 709 texels: PNG, JPEG, TGA and BMP (taken as sRGB), OpenEXR and Radiance (taken as linear).
 
 use std::fs;
-use std::io::Read;
+use std::io::{BufReader, Read};
 use std::path::Path;
 use std::sync::Arc;
 
 use exr::prelude::{ReadChannels, ReadLayers};
 use glam::Vec3;
 use half::f16;
-use image::{DynamicImage, GenericImageView, ImageReader};
+use image::codecs::hdr::HdrDecoder;
+use image::{DynamicImage, GenericImageView, ImageDecoder, ImageError, ImageReader};
 
 use super::error::{Error, Place, Warning, open};
 use super::light::BRIGHTEST;
@@ -21,6 +22,9 @@ const FREE_TEXELS: u64 = 1 << 22;
 /// No codec compresses photographs or skies by more: deflate reaches 350 on constant colours.
 const TEXELS_PER_BYTE: u64 = 1024;
 
+/// Longest header of a Radiance file, bytes.
+const LONGEST_HEADER: u64 = 1 << 16;
+
 /// Texels row by row from the top.
 struct Picture<T> {
     width: u32,
@@ -28,11 +32,11 @@ struct Picture<T> {
     texels: Vec<T>,
 }
 
-/// Reads a texture from a PNG, JPEG, TGA, BMP or EXR file, and tells whether that has an alpha channel that is not 1 everywhere, of which the texture has
-/// nothing. Colours above 1, which only EXR can hold, are clamped with a warning.
+/// Reads a texture from a PNG, JPEG, TGA, BMP, EXR or Radiance file, and tells whether that has an alpha channel that is not 1 everywhere, of which the texture
+/// has nothing. Colours above 1, which only the last two can hold, are clamped with a warning.
 pub(super) fn texture(path: &Path, named_by: &Place, warnings: &mut Vec<Warning>) -> Result<(Texture, bool), Error> {
-    if is_exr(path, named_by)? {
-        return Ok((read_shares(path, warnings)?, false));
+    if let Some(picture) = read_linear(path, named_by)? {
+        return Ok((shares(path, picture, warnings)?, false));
     }
     let image = read_image(path, named_by)?;
     let has_alpha = has_alpha(&image);
@@ -41,9 +45,9 @@ pub(super) fn texture(path: &Path, named_by: &Place, warnings: &mut Vec<Warning>
 
 /// The same of numbers that are no colours: codes are taken as they are.
 pub(super) fn numbers(path: &Path, named_by: &Place, warnings: &mut Vec<Warning>) -> Result<Texture, Error> {
-    match is_exr(path, named_by)? {
-        true => read_shares(path, warnings),
-        false => Ok(of_picture(path, of_codes(read_image(path, named_by)?, |code| code))),
+    match read_linear(path, named_by)? {
+        Some(picture) => shares(path, picture, warnings),
+        None => Ok(of_picture(path, of_codes(read_image(path, named_by)?, |code| code))),
     }
 }
 
@@ -51,8 +55,8 @@ pub(super) fn numbers(path: &Path, named_by: &Place, warnings: &mut Vec<Warning>
 /// taken as they are.
 pub(super) fn opacity(path: &Path, named_by: &Place, warnings: &mut Vec<Warning>) -> Result<Texture, Error> {
     let grey = |number: f16| [number, number, number, f16::ONE];
-    if is_exr(path, named_by)? {
-        let mut texture = numbers(path, named_by, warnings)?;
+    if let Some(picture) = read_linear(path, named_by)? {
+        let mut texture = shares(path, picture, warnings)?;
         for texel in Arc::make_mut(&mut texture.texels) {
             let [red, green, blue, _] = texel.map(f16::to_f32);
             *texel = grey(f16::from_f32(Vec3::new(red, green, blue).dot(LUMINANCE)));
@@ -82,12 +86,11 @@ fn of_picture(path: &Path, Picture { width, texels, .. }: Picture<[f16; 4]>) -> 
     Texture::new(name, width, texels)
 }
 
-/// Reads measurements, times `scale`, from a PNG, JPEG, TGA or BMP file, in sRGB or linear, or from a linear EXR file.
+/// Reads measurements, times `scale`, from a PNG, JPEG, TGA or BMP file, in sRGB or linear, or from a linear EXR or Radiance file.
 pub(super) fn measured(path: &Path, is_srgb: bool, scale: f32) -> Result<Texture, Error> {
     let named_by = Place::file(path);
     let scaled = |color: Vec3| (color.max(Vec3::ZERO) * scale).min(Vec3::splat(f16::MAX.to_f32()));
-    let picture = if is_exr(path, &named_by)? {
-        let picture = read_exr(path)?;
+    let picture = if let Some(picture) = read_linear(path, &named_by)? {
         check_texels(path, &picture, f32::MAX)?;
         let texels = picture.texels.iter().map(|color| scaled(*color).extend(1.0).to_array().map(f16::from_f32));
         Picture { width: picture.width, height: picture.height, texels: texels.collect() }
@@ -102,7 +105,7 @@ pub(super) fn measured(path: &Path, is_srgb: bool, scale: f32) -> Result<Texture
     Ok(of_picture(path, picture))
 }
 
-/// Reads a lat-long environment from an EXR file, each radiance times `scale`. Negative radiances become 0 with a
+/// Reads a lat-long environment from an EXR or Radiance file, each radiance times `scale`. Negative radiances become 0 with a
 /// warning.
 pub(super) fn environment(
     path: &Path,
@@ -110,10 +113,13 @@ pub(super) fn environment(
     scale: Vec3,
     warnings: &mut Vec<Warning>,
 ) -> Result<Environment, Error> {
-    if !is_exr(path, named_by)? {
-        return Err(Error::unexpected(Place::file(path), "a file of another kind", "an OpenEXR image"));
-    }
-    let mut picture = read_exr(path)?;
+    let Some(mut picture) = read_linear(path, named_by)? else {
+        return Err(Error::unexpected(
+            Place::file(path),
+            "a file of another kind",
+            "an OpenEXR or Radiance (.hdr) image",
+        ));
+    };
     change(&mut picture, |color| color * scale);
     check_texels(path, &picture, BRIGHTEST)?;
     let negative = change(&mut picture, |radiance| radiance.max(Vec3::ZERO));
@@ -149,13 +155,18 @@ fn check_texels(path: &Path, picture: &Picture<Vec3>, most: f32) -> Result<(), E
     }
 }
 
-fn is_exr(path: &Path, named_by: &Place) -> Result<bool, Error> {
+/// Reads an OpenEXR or Radiance file; `None` of another kind, which its first bytes tell.
+fn read_linear(path: &Path, named_by: &Place) -> Result<Option<Picture<Vec3>>, Error> {
     let mut magic = Vec::new();
     open(path, Some(named_by))?
         .take(4)
         .read_to_end(&mut magic)
         .map_err(|source| Error::read(path, Some(named_by), source))?;
-    Ok(magic == [0x76, 0x2f, 0x31, 0x01])
+    match magic.as_slice() {
+        [0x76, 0x2f, 0x31, 0x01] => read_exr(path).map(Some),
+        b"#?RA" | b"#?RG" => read_radiance(path, named_by).map(Some),
+        _ => Ok(None),
+    }
 }
 
 /// Refuses sizes that are empty or absurd.
@@ -172,11 +183,11 @@ fn check_size(path: &Path, width: u64, height: u64) -> Result<(), Error> {
 /// Reads a PNG, JPEG, TGA or BMP as it is.
 fn read_image(path: &Path, named_by: &Place) -> Result<DynamicImage, Error> {
     let unreadable = |source| Error::read(path, Some(named_by), source);
-    let broken = |error: image::ImageError| {
+    let broken = |error: ImageError| {
         Error::unexpected(
             Place::file(path),
             format!("a broken image ({error})"),
-            "a PNG, JPEG, TGA, BMP or OpenEXR image",
+            "a PNG, JPEG, TGA, BMP, OpenEXR or Radiance image",
         )
     };
     let open = || ImageReader::open(path).and_then(ImageReader::with_guessed_format).map_err(unreadable);
@@ -202,9 +213,8 @@ fn of_codes(image: DynamicImage, number: fn(f32) -> f32) -> Picture<[f16; 4]> {
     Picture { width, height, texels: texels.collect() }
 }
 
-/// Reads the numbers of an OpenEXR file as shares of 1, clamped with a warning.
-fn read_shares(path: &Path, warnings: &mut Vec<Warning>) -> Result<Texture, Error> {
-    let mut picture = read_exr(path)?;
+/// A texture of numbers that are shares of 1, clamped with a warning.
+fn shares(path: &Path, mut picture: Picture<Vec3>, warnings: &mut Vec<Warning>) -> Result<Texture, Error> {
     check_texels(path, &picture, f32::MAX)?;
     let clamped = change(&mut picture, |color| color.clamp(Vec3::ZERO, Vec3::ONE));
     if clamped > 0 {
@@ -246,6 +256,27 @@ fn read_exr(path: &Path) -> Result<Picture<Vec3>, Error> {
         .map_err(broken)?;
     let (size, texels) = image.layer_data.channel_data.pixels;
     Ok(Picture { width: size.width() as u32, height: size.height() as u32, texels })
+}
+
+/// Reads a Radiance file (`#?RADIANCE` or `#?RGBE`) as it is written, whatever its `EXPOSURE`.
+fn read_radiance(path: &Path, named_by: &Place) -> Result<Picture<Vec3>, Error> {
+    let error = |found| Error::unexpected(Place::file(path), found, "a Radiance image (32-bit_rle_rgbe)");
+    let broken = |reason: ImageError| error(format!("a broken image ({reason})"));
+    let file = || open(path, Some(named_by));
+    // The decoder would take a line of any length.
+    let mut start = Vec::new();
+    let read = file()?.take(LONGEST_HEADER).read_to_end(&mut start);
+    read.map_err(|source| Error::read(path, Some(named_by), source))?;
+    let end = start.windows(2).position(|pair| pair == b"\n\n");
+    if !end.is_some_and(|end| start[end + 2..].contains(&b'\n')) {
+        return Err(error(format!("no end of the header in the first {} KiB", LONGEST_HEADER >> 10)));
+    }
+    let decoder = HdrDecoder::new_nonstrict(BufReader::new(file()?)).map_err(broken)?;
+    let (width, height) = decoder.dimensions();
+    check_size(path, width.into(), height.into())?;
+    let mut texels = vec![Vec3::ZERO; width as usize * height as usize];
+    decoder.read_image(bytemuck::cast_slice_mut(&mut texels)).map_err(broken)?;
+    Ok(Picture { width, height, texels })
 }
 
 #[cfg(test)]

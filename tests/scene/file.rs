@@ -139,7 +139,7 @@ fn scene_file_errors_name_line_field_and_remedy() {
         ("[material.m]\nopacity = 'none.png'\n", vec!["none.png: cannot be read", "s.toml:4", "material.m.opacity"]),
         ("[material.m]\nopacity = 0.5\nemission = 1\n", vec!["material.m.opacity", "`opacity = 1`"]),
         ("[environment]\n", vec!["`file` and `radiance`"]),
-        ("[environment]\nfile = 'a.obj'\n", vec!["a.obj", "an OpenEXR image"]),
+        ("[environment]\nfile = 'a.obj'\n", vec!["a.obj", "an OpenEXR or Radiance (.hdr) image"]),
         ("[environment]\nfile = 'none.exr'\n", vec!["none.exr: cannot be read", "s.toml:4", "environment.file"]),
         ("[sun]\ndirection = [0,0,0]\nirradiance = 1\n", vec!["sun.direction", "towards the sun"]),
         ("[sun]\ndirection = [0,1,0]\n", vec!["sun", "the key `irradiance`"]),

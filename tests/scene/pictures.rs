@@ -349,3 +349,37 @@ fn environments_load_row_by_row_from_the_zenith() {
     assert_eq!(scene.environment.unwrap().texels[0], Vec3::new(1.0, 0.0, 4.0));
     assert!(warnings[0].to_string().contains("4 texels are negative"), "{}", warnings[0]);
 }
+
+/// A texel is three codes and an exponent, 128 of 2¹²⁹ being 1.
+#[test]
+fn radiance_files_are_skies_and_textures() {
+    let toml = "[[mesh]]\nfile = 'a.obj'\n[material.default]\ntexture = 'sky.hdr'\n[environment]\nfile = 'sky.hdr'\nscale = 4\n";
+    let folder = Folder::new(&[("a.obj", ROOF), ("s.toml", toml)]);
+    let write = |header: &str, texels: [u8; 8]| {
+        fs::write(folder.path("sky.hdr"), [header.as_bytes(), &texels].concat()).unwrap();
+        folder.load("s.toml").map_err(|error| error.to_string())
+    };
+    let header = "#?RADIANCE\n# made\nFORMAT=32-bit_rle_rgbe\nEXPOSURE=2\n\n-Y 1 +X 2\n";
+    let texels = [128, 64, 32, 129, 128, 0, 0, 131];
+    for header in [header, &header.replace("RADIANCE", "RGBE")] {
+        let (scene, warnings) = write(header, texels).unwrap();
+        let sky = scene.environment.unwrap();
+        assert_eq!((sky.width, sky.height), (2, 1));
+        assert_eq!(sky.texels, [Vec3::new(4.0, 2.0, 1.0), Vec3::new(16.0, 0.0, 0.0)]);
+        assert_eq!(scene.textures[0].texels[0], [1.0, 0.5, 0.25, 1.0].map(f16::from_f32));
+        assert!(
+            warnings.iter().any(|warning| warning.to_string().contains("1 texels lie outside of [0, 1]")),
+            "{warnings:?}"
+        );
+    }
+    for (header, exponent, part) in [
+        (header.to_owned(), 255, "at most 1e12"),
+        (header.replace("-Y 1", "-Y 9999999"), 129, "an image of 2 × 9999999 texels"),
+        (header.replace("-Y 1", "-Y 2"), 129, "a broken image"),
+        (header.replace("\n\n", "\n"), 129, "no end of the header"),
+        (format!("#?RADIANCE\n{}\n{header}", "x".repeat(1 << 16)), 129, "no end of the header"),
+    ] {
+        let error = write(&header, [1, 1, 2, exponent, 0, 0, 0, 0]).map(|_| ()).unwrap_err();
+        assert!(error.contains("sky.hdr") && error.contains(part), "{part}: {error}");
+    }
+}
