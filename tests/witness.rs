@@ -8,7 +8,7 @@ use glam::{Affine3A, Quat, Vec2, Vec3};
 use neubrdf::converge::study::average;
 use neubrdf::converge::{Mitsuba, MitsubaError, ZTest, export_mitsuba};
 use neubrdf::render::{Options, Sampler, Settings};
-use neubrdf::scene::{Environment, Film, Fresnel, Instance, Lens, Scene, Sun, Surface};
+use neubrdf::scene::{Environment, Film, Fresnel, Instance, LayerBase, Layered, Lens, Scene, Sun, Surface};
 
 const MAX_DEPTH: u32 = 6;
 
@@ -71,11 +71,14 @@ fn mitsuba_renders_what_we_render() {
 #[test]
 fn what_mitsuba_defines_otherwise_is_refused_by_name() {
     let directory = tempfile::tempdir().unwrap();
+    let base = LayerBase::Diffuse { albedo: Vec3::ONE };
+    let layered = Surface::Layered(Layered { ior: 1.5, alpha: 0.1, absorption: Vec3::ZERO, base });
     for (surface, told) in [
         (conductor(0.5, 0.0), "Schlick"),
         (conductor(1.0, 0.1), "rough metal"),
         (Surface::Dielectric { ior: 1.5, alpha: 0.1 }, "rough glass"),
         (Surface::Coated { albedo: neubrdf::scene::Color::constant(Vec3::ONE), ior: 1.5, alpha: 0.0 }, "coated"),
+        (layered, "it is layered"),
     ] {
         let error = export_mitsuba(&still_life(surface), 4, directory.path()).unwrap_err().to_string();
         assert!(error.contains("'ball'") && error.contains(told), "{error}");

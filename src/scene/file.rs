@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 
 use glam::{Affine3A, EulerRot, Mat3, Quat, Vec2, Vec3};
 
-use super::error::{Error, Place, Warning, nearest};
+use super::error::{Error, Place, Warning, nearest, open};
 use super::light::BRIGHTEST;
 use super::mesh::{self, LARGEST_COORDINATE};
 use super::mtl::{Holds, Library, TextureFile, metal_of};
@@ -16,7 +16,7 @@ use super::obj::{self, Normals};
 use super::table::{Source, Table, Value, read_text};
 use super::{
     Bounds, Camera, Color, Environment, Film, Fresnel, Instance, LayerBase, Layered, Lens, Material, Mesh, Opacity,
-    Patches, Scene, Sun, Surface, Texture, TexturePlacement, Woven, decode, metals,
+    Patches, Scene, Sun, Surface, Texture, TexturePlacement, Woven, brdf, decode, metals,
 };
 
 /// Size of the picture unless the scene file says otherwise.
@@ -27,7 +27,7 @@ const FOV_DEGREES: f32 = 40.0;
 const LONGEST_FILE: u64 = 64 << 20;
 
 impl Scene {
-    /// Loads a scene file (`.toml`) or a bare OBJ file (any other name), which is seen from outside of its bounds
+    /// Loads a scene file (`.toml`) or a bare OBJ file (any other name, but those of BRDFs), which is seen from outside of its bounds
     /// under a uniform sky of radiance 1.
     ///
     /// # Errors
@@ -35,8 +35,15 @@ impl Scene {
     /// out or mended comes back as warnings.
     pub fn load(path: impl AsRef<Path>) -> Result<(Scene, Vec<Warning>), Error> {
         let path = path.as_ref();
-        let is_toml = path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("toml"));
-        if is_toml { load_scene_file(path) } else { load_bare_obj(path) }
+        if brdf::ending(path) == "toml" {
+            load_scene_file(path)
+        } else if brdf::is_of_brdf(path) {
+            open(path, None)?;
+            let expected = "a scene: an OBJ file, or a TOML file whose `[material.NAME]` may name this one";
+            Err(Error::unexpected(Place::file(path), "the file of a material", expected))
+        } else {
+            load_bare_obj(path)
+        }
     }
 }
 
@@ -105,7 +112,7 @@ impl Loader {
         environment: Option<Environment>,
         sun: Option<Sun>,
     ) -> Result<(Scene, Vec<Warning>), Error> {
-        let Library { materials, textures, brdfs, mut warnings, undefined, bare, .. } = self.library;
+        let Library { materials, textures, brdfs, mut warnings, undefined, without_uvs, .. } = self.library;
         warnings.extend(undefined.into_iter().map(|(index, file)| Warning {
             place: Place::file(file),
             message: format!("the material `{}` is not defined: grey and diffuse", materials[index as usize].name),
@@ -129,7 +136,7 @@ impl Loader {
             sun,
         };
         decode_textures(&mut scene, &textures, &mut warnings)?;
-        warn_of_missing_coordinates(&scene, bare, &mut warnings);
+        warn_of_missing_coordinates(&scene, without_uvs, &mut warnings);
         let shines = |radiance: &Vec3| *radiance != Vec3::ZERO;
         if !(scene.materials.iter().any(Material::is_emissive)
             || scene.environment.iter().flat_map(|environment| &environment.texels).any(shines)
@@ -219,8 +226,8 @@ fn decode_texture(
 }
 
 /// A texture needs coordinates to be looked up at; those faces, by their material and file, have none.
-fn warn_of_missing_coordinates(scene: &Scene, bare: BTreeSet<(u32, PathBuf)>, warnings: &mut Vec<Warning>) {
-    for (index, file) in bare {
+fn warn_of_missing_coordinates(scene: &Scene, without_uvs: BTreeSet<(u32, PathBuf)>, warnings: &mut Vec<Warning>) {
+    for (index, file) in without_uvs {
         let material = &scene.materials[index as usize];
         let varies = match material.surface {
             Surface::Measured { brdf } if scene.brdfs[brdf as usize].is_spatial() => true,

@@ -1,6 +1,6 @@
 //! Wavefront MTL files, through `tobj`, and what their statements amount to here.
 
-use std::collections::{BTreeMap, BTreeSet, HashMap};
+use std::collections::{BTreeMap, BTreeSet, HashMap, HashSet};
 use std::io::BufReader;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -27,7 +27,7 @@ pub(super) struct Library {
     /// Materials that an OBJ file names and no MTL file defines: index, and the OBJ file.
     pub undefined: Vec<(u32, PathBuf)>,
     /// Materials of faces without texture coordinates: index, and the OBJ file.
-    pub bare: BTreeSet<(u32, PathBuf)>,
+    pub without_uvs: BTreeSet<(u32, PathBuf)>,
     /// What the MTL files of the OBJ file at hand define.
     definitions: HashMap<String, Definition>,
 }
@@ -80,7 +80,9 @@ impl Library {
     /// until the next call.
     pub fn read_material_files(&mut self, obj: &Path, names: &[(usize, String)]) -> Result<(), Error> {
         self.definitions.clear();
-        for (line, names) in names {
+        // Some programs repeat them for each object.
+        let mut known = HashSet::new();
+        for (line, names) in names.iter().filter(|(_, names)| known.insert(names)) {
             let place = Place::line(obj, *line);
             // A statement may name several files, or one file with spaces in its name.
             let whole = beside(&place, names, &mut self.warnings);
@@ -198,12 +200,11 @@ impl Library {
         if let Some(name) = &material.diffuse_texture {
             albedo.texture = Some(self.map(place, material, "map_Kd", name, Holds::Colors));
         }
-        match material.diffuse.map(|diffuse| self.reflectance(place, "Kd", diffuse)) {
-            Some(diffuse) if albedo.texture.is_some() => albedo.value = self.factor(place, "Kd", diffuse),
-            Some(diffuse) => albedo.value = diffuse,
-            None if albedo.texture.is_none() => albedo.value = Vec3::splat(0.5),
-            None => {}
-        }
+        let diffuse = material.diffuse.map(|diffuse| self.reflectance(place, "Kd", diffuse));
+        albedo.value = match albedo.texture {
+            Some(_) => self.factor(place, "Kd", diffuse),
+            None => diffuse.unwrap_or(Vec3::splat(0.5)),
+        };
         let parameter = |name: &str| material.unknown_param.get(name).and_then(|text| text.parse::<f32>().ok());
         let roughness = parameter("Pr").map(|roughness| roughness.clamp(0.0, 1.0));
         // Blinn's exponent and GGX's α of lobes of the same width (Walter et al. 2007).
@@ -239,16 +240,10 @@ impl Library {
             self.warn(place.clone(), format!("Pm {metallic} is taken as {}", metallic.round()));
         }
         let glow = material.unknown_param.get("map_Ke");
-        let emission = match material.emissive.map(Vec3::from_array) {
-            Some(emission) if glow.is_some() => self.factor(place, "Ke", emission),
-            Some(emission) => emission,
-            None => {
-                if glow.is_some() {
-                    Vec3::ONE
-                } else {
-                    Vec3::ZERO
-                }
-            }
+        let emission = material.emissive.map(Vec3::from_array);
+        let emission = match glow {
+            Some(_) => self.factor(place, "Ke", emission),
+            None => emission.unwrap_or_default(),
         };
         let emission_texture = glow.map(|name| self.map(place, material, "map_Ke", name, Holds::Colors));
         let opacity = self.opacity(place, material, matches!(surface, Surface::Dielectric { .. }));
@@ -308,13 +303,12 @@ impl Library {
         clamped
     }
 
-    /// The colour that multiplies a texture. Exporters write black where a texture stands instead of a colour.
-    fn factor(&mut self, place: &Place, statement: &str, color: Vec3) -> Vec3 {
-        if color != Vec3::ZERO {
-            return color;
+    /// The colour that multiplies a texture: 1 unless given. Exporters write black where the texture stands instead of a colour.
+    fn factor(&mut self, place: &Place, statement: &str, color: Option<Vec3>) -> Vec3 {
+        if color == Some(Vec3::ZERO) {
+            self.warn(place.clone(), format!("{statement} 0 would make `map_{statement}` black: taken as 1"));
         }
-        self.warn(place.clone(), format!("{statement} 0 would make `map_{statement}` black: taken as 1"));
-        Vec3::ONE
+        color.filter(|color| *color != Vec3::ZERO).unwrap_or(Vec3::ONE)
     }
 
     /// Whether a material of `illum 4` is glass. Maya writes that of all that is matte.

@@ -158,6 +158,9 @@ impl Census {
             }
             _ if IGNORED.split_whitespace().any(|ignored| ignored == keyword) => {}
             _ if keyword.starts_with('#') => {}
+            _ if keyword.contains(|c: char| c.is_control() || c == char::REPLACEMENT_CHARACTER) => {
+                return Err(Fault::new("bytes that are no text", "an OBJ file"));
+            }
             _ => {
                 return Err(Fault::new(
                     format!("the statement {}", quote(keyword)),
@@ -261,7 +264,7 @@ pub(super) fn load(path: &Path, normals: Normals, library: &mut mtl::Library) ->
         }
         let mesh = convert(model, material, path, library);
         if mesh.uvs.is_empty() {
-            library.bare.insert((material, path.to_owned()));
+            library.without_uvs.insert((material, path.to_owned()));
         }
         let keeps_normals = matches!(normals, Normals::Auto { .. }) && !mesh.normals.is_empty();
         if keeps_normals { &mut given } else { &mut bare }.append(mesh);

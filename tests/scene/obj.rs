@@ -87,6 +87,15 @@ fn a_missing_mtl_is_a_warning_and_grey() {
 }
 
 #[test]
+fn an_mtl_file_that_is_named_again_is_read_once() {
+    let folder = Folder::new(&[("a.obj", &format!("mtllib a.mtl\n{TRIANGLE}o two\nmtllib a.mtl\nf 1 3 2\n"))]);
+    let warnings = |folder: &Folder| folder.load("a.obj").unwrap().1;
+    assert_eq!(warnings(&folder).len(), 2, "there is none, and the material is not defined: {:?}", warnings(&folder));
+    fs::write(folder.path("a.mtl"), "newmtl m\nmap_Ks a.png\n").unwrap();
+    assert_eq!(warnings(&folder).len(), 1, "{:?}", warnings(&folder));
+}
+
+#[test]
 fn degenerate_triangles_are_dropped_with_one_warning() {
     let (scene, warnings) = obj("v 0 0 0\nv 1 0 0\nv 0 1 0\nv 9 9 9\nf 1 2 3\nf 1 1 2\nf 4 4 4\n");
     assert_eq!(scene.meshes[0].triangles.len(), 1);
@@ -113,6 +122,7 @@ fn obj_errors_name_file_line_and_index() {
         ("v 0 0 0\nff 1 1 1\n", vec!["a.obj:2", "the statement `ff`"]),
         ("v 0 0 0\n", vec!["a.obj: found no triangle"]),
         ("usemtl\n", vec!["a.obj:1", "no name"]),
+        ("v/1\u{1}\u{2}\0\n", vec!["a.obj:1", "bytes that are no text", "an OBJ file"]),
     ] {
         let error = Folder::new(&[("a.obj", text)]).load("a.obj").map(|_| ()).unwrap_err().to_string();
         parts.iter().for_each(|part| assert!(error.contains(part), "{error}: lacks {part}"));

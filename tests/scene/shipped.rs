@@ -178,6 +178,9 @@ fn a_file_of_one_material_says_what_a_scene_says_of_it() {
     assert!(error("lamp.toml", None).contains("lamp.toml:1: emission: found `1`, expected no such key"));
     assert!(error("m.toml", Some("x")).contains("found the name `x`, expected no name"));
     assert!(error("none.toml", None).contains("none.toml: cannot be read"));
+    assert!(error("none", None).contains("none: cannot be read"));
+    fs::write(folder.path("m"), table).unwrap();
+    assert!(error("m", None).contains("m: found a BRDF of an unknown kind"));
 }
 
 #[test]
@@ -188,6 +191,10 @@ fn every_shipped_material_loads() {
         let path = entry.unwrap().path();
         let (surface, brdfs) = Surface::load(&path, None).unwrap_or_else(|error| panic!("{error}"));
         assert_eq!(matches!(surface, Surface::Measured { .. }), brdfs.len() == 1, "{}", path.display());
+        if matches!(surface, Surface::Measured { .. }) {
+            let error = Scene::load(&path).map(|_| ()).unwrap_err().to_string();
+            assert!(error.contains("found the file of a material, expected a scene"), "{error}");
+        }
         kinds.push(std::mem::discriminant(&surface));
     }
     assert!(kinds.len() >= 10);

@@ -28,7 +28,7 @@ fn files_are_read_by_their_ending() {
     for (table, parts) in [
         ("type = \"measured\"\n", vec!["a.toml:3", "`file`"]),
         ("type = \"measured\"\nfile = \"a.csv\"\nname = \"x\"\n", vec!["a.csv", "`x`"]),
-        ("type = \"measured\"\nfile = \"a.obj\"\n", vec!["a.obj", ".binary, .bsdf or .csv"]),
+        ("type = \"measured\"\nfile = \"a.obj\"\n", vec!["a.obj", ".binary, .bsdf, .csv"]),
         ("type = \"measured\"\nfile = \"b.binary\"\n", vec!["b.binary: cannot be read", "material.m.file"]),
     ] {
         let error = load(table).unwrap_err();

@@ -2,7 +2,7 @@
 //!
 //! What both renderers define alike is written; anything else is an error that names it, so that a difference of pictures is a difference of
 //! renderers. Not alike are: rough surfaces (Mitsuba multiplies Smith's maskings of both directions, here they are correlated by height),
-//! coats, F0 other than 1, textures and skies of many texels (other interpolation), and lamps that shine to both sides.
+//! coats, layers, cloth, BRDFs from files, F0 other than 1, textures and skies of many texels (other interpolation), and lamps that shine to both sides.
 
 use std::fmt::Write as _;
 use std::io::Write as _;
@@ -190,7 +190,9 @@ fn bsdf(material: &Material, index: usize) -> Result<String, ExportError> {
             "  <bsdf type=\"dielectric\" {id}><float name=\"int_ior\" value=\"{ior:?}\"/><float name=\"ext_ior\" value=\"1.0\"/></bsdf>\n"
         ),
         Surface::Coated { .. } => return named("it is coated"),
-        _ => return named("its BRDF is from a file"),
+        Surface::Layered(_) => return named("it is layered"),
+        Surface::Woven(_) => return named("it is woven"),
+        Surface::Measured { .. } => return named("its BRDF is from a file"),
     })
 }
 

@@ -20,7 +20,7 @@ mod tensor_file;
 
 use std::path::Path;
 
-use super::error::{Error, Place, nearest, quote};
+use super::error::{Error, Place, nearest, open, quote};
 use super::hash::put;
 
 pub use half_difference::HalfDifference;
@@ -55,8 +55,8 @@ pub enum Brdf {
     Sparse(Sparse),
 }
 
-/// The endings of file names that [`Brdf::load`] knows, for messages.
-const ENDINGS: &str = "a name that ends in .neubrdf, .safetensors, .npy, .binary, .bsdf or .csv";
+/// The endings of file names that [`Brdf::load`] knows.
+const ENDINGS: [&str; 6] = ["neubrdf", "safetensors", "npy", "binary", "bsdf", "csv"];
 
 impl Brdf {
     /// Reads a file of the kind that its name's ending tells: `.neubrdf` ([`NeuBrdf`]), `.safetensors` or
@@ -99,7 +99,11 @@ impl Brdf {
             "binary" => only(Brdf::Merl(Merl::read(path, needed_by)?)),
             "bsdf" => only(Brdf::Rgl(Rgl::read(path, needed_by)?)),
             "csv" => only(Brdf::Sparse(Sparse::read(path, needed_by)?)),
-            _ => Err(Error::unexpected(Place::file(path), "a BRDF of an unknown kind", ENDINGS)),
+            _ => {
+                open(path, needed_by)?;
+                let expected = format!("a name that ends in one of .{}", ENDINGS.join(", ."));
+                Err(Error::unexpected(Place::file(path), "a BRDF of an unknown kind", expected))
+            }
         }
     }
 
@@ -132,8 +136,13 @@ impl Brdf {
     }
 }
 
+/// Whether a file's name ends like that of a BRDF.
+pub(super) fn is_of_brdf(path: &Path) -> bool {
+    ENDINGS.contains(&ending(path).as_str())
+}
+
 /// What a file's name ends in, in lower case.
-fn ending(path: &Path) -> String {
+pub(super) fn ending(path: &Path) -> String {
     path.extension().map(|ending| ending.to_string_lossy().to_lowercase()).unwrap_or_default()
 }
 
