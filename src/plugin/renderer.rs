@@ -21,7 +21,8 @@ pub struct Options {
     pub settings: Settings,
     /// How rays find triangles; `None` takes what suits the device.
     pub traversal: Option<Traversal>,
-    /// Paths in flight, ≥ 1; `None` takes what suits the device. They bound the memory, 100 to 200 bytes each.
+    /// Paths in flight, ≥ 1; `None` takes what suits the device. They bound the memory, 100 to 200 bytes each. A film with fewer than a
+    /// sixteenth as many pixels has no use for them all, and has fewer until [`Renderer::resize`] makes it larger.
     pub pool_paths: Option<u32>,
     /// Recordings that may be pending at once, ≥ 1.
     pub frames_in_flight: u32,
@@ -144,7 +145,7 @@ impl Renderer {
         let source = spirv::load("develop").ok_or(render::Error::MissingKernel("develop"))?;
         Ok(Renderer {
             develop: Kernel::new(device, source, &[])?,
-            packed: packed_pixels(device, &tracer)?,
+            packed: packed_pixels(device, tracer.film().pixel_count())?,
             slots: Slots::new(device, options.frames_in_flight)?,
             frames_in_flight: options.frames_in_flight,
             device: device.clone(),
@@ -235,7 +236,8 @@ impl Renderer {
         self.begins_anew = true;
     }
 
-    /// Gives the film another size, as of a window, and begins anew.
+    /// Gives the film another size, as of a window, and begins anew. A larger film than there was has more paths in flight, too, where
+    /// [`Options::pool_paths`] were more than the smaller ones had use for.
     ///
     /// # Errors
     /// A crop beyond it, out of memory: then it is as large as before.
@@ -251,7 +253,7 @@ impl Renderer {
     fn resized(&mut self) -> Result<(), Error> {
         let mut upload = Upload::later(&self.device);
         let film = self.tracer.new_film(&mut upload, &self.scene)?;
-        let packed = Buffer::new(&self.device, "packed pixels", packed_bytes(film.pixel_count()), Memory::Device)?;
+        let packed = packed_pixels(&self.device, film.pixel_count())?;
         let old = (self.tracer.take_film(film), std::mem::replace(&mut self.packed, packed));
         self.retire(old);
         self.pending.push(upload);
@@ -420,12 +422,8 @@ impl Renderer {
     }
 }
 
-fn packed_bytes(pixels: u64) -> u64 {
-    pixels * u64::from(PixelFormat::Rgba32Float.bytes())
-}
-
-fn packed_pixels(device: &Arc<Device>, tracer: &PathTracer) -> gpu::Result<Buffer> {
-    Buffer::new(device, "packed pixels", packed_bytes(tracer.film().pixel_count()), Memory::Device)
+fn packed_pixels(device: &Arc<Device>, count: u64) -> gpu::Result<Buffer> {
+    Buffer::new(device, "packed pixels", count * u64::from(PixelFormat::Rgba32Float.bytes()), Memory::Device)
 }
 
 /// Lamps are sampled by a table that the CPU makes of their triangles.

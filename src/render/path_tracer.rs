@@ -27,8 +27,24 @@ pub struct PathTracer {
     features: Features,
     settings: Settings,
     traversal: Traversal,
+    /// Paths in flight, if the film has use for so many.
+    most_paths: u32,
     pool: Pool,
     film: Film,
+}
+
+/// What [`PathTracer::new_film`] made, and then what it took the place of.
+pub struct NextFilm {
+    film: Film,
+    /// Where the film has use for more paths.
+    pool: Option<Pool>,
+}
+
+impl NextFilm {
+    /// The film's pixels.
+    pub fn pixel_count(&self) -> u64 {
+        self.film.pixel_count()
+    }
 }
 
 impl PathTracer {
@@ -78,12 +94,13 @@ impl PathTracer {
         let device_scene = DeviceScene::new(upload, (scene, host_meshes), &lights, &features, traversal, precision)?;
         let kernels = Kernels::build(&device, &features, traversal, settings, &device_scene.specialization())?;
 
-        let paths = options.pool_paths.unwrap_or(device.profile().pool_paths).max(1);
-        let most_useful = crop.pixel_count().saturating_mul(u64::from(super::session::LONGEST_PASS));
-        let paths = u64::from(paths).min(most_useful) as u32;
-        let pool = Pool::new(upload, paths, settings, &features, device.profile().workgroup_size)?;
+        let groups = device.limits().max_compute_work_group_count[0];
+        let dispatchable = groups.saturating_mul(device.profile().workgroup_size);
+        let most_paths = options.pool_paths.unwrap_or(device.profile().pool_paths).clamp(1, dispatchable);
+        let pool = Pool::new(upload, useful_paths(most_paths, &crop), settings, &features)?;
         let film = Film::new(upload, scene, crop, settings, pool.first_features())?;
-        Ok(PathTracer { device, scene: device_scene, kernels, features, settings: *settings, traversal, pool, film })
+        let (scene, settings) = (device_scene, *settings);
+        Ok(PathTracer { device, scene, kernels, features, settings, traversal, most_paths, pool, film })
     }
 
     /// The device.
@@ -158,17 +175,27 @@ impl PathTracer {
         self.scene.take(next)
     }
 
-    /// Makes a black film of the scene's size.
+    /// Makes a black film of the scene's size, and a pool that is large enough for it where the one that is there is not.
     ///
     /// # Errors
     /// Too many pixels, out of memory.
-    pub fn new_film(&self, upload: &mut Upload, scene: &Scene) -> Result<Film, Error> {
-        Film::new(upload, scene, crop_of(scene, &self.settings)?, &self.settings, self.pool.first_features())
+    pub fn new_film(&self, upload: &mut Upload, scene: &Scene) -> Result<NextFilm, Error> {
+        let crop = crop_of(scene, &self.settings)?;
+        let paths = useful_paths(self.most_paths, &crop);
+        let pool = match paths > self.pool.capacity() {
+            true => Some(Pool::new(upload, paths, &self.settings, &self.features)?),
+            false => None,
+        };
+        let first_features = pool.as_ref().unwrap_or(&self.pool).first_features();
+        Ok(NextFilm { film: Film::new(upload, scene, crop, &self.settings, first_features)?, pool })
     }
 
     /// Takes another film. What it returns is to be kept for as long as work may use it.
-    pub fn take_film(&mut self, film: Film) -> Film {
-        std::mem::replace(&mut self.film, film)
+    pub fn take_film(&mut self, next: NextFilm) -> NextFilm {
+        NextFilm {
+            film: std::mem::replace(&mut self.film, next.film),
+            pool: next.pool.map(|pool| std::mem::replace(&mut self.pool, pool)),
+        }
     }
 
     /// `samples` more samples of all pixels after the first `done`, in batches that the pool holds.
@@ -311,6 +338,12 @@ fn crop_of(scene: &Scene, settings: &Settings) -> Result<Crop, Error> {
         return Err(Error::Setting { name: "film", found, expected: "fewer than 2³² pixels; render it in crops" });
     }
     Ok(crop)
+}
+
+/// As many paths, or fewer where a pass over so small a film has no more.
+fn useful_paths(most: u32, crop: &Crop) -> u32 {
+    let longest_pass = crop.pixel_count().saturating_mul(u64::from(super::session::LONGEST_PASS));
+    u64::from(most).min(longest_pass) as u32
 }
 
 fn traversal_for(device: &Device, wanted: Option<Traversal>) -> Result<Traversal, Error> {

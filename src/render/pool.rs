@@ -61,16 +61,10 @@ pub struct Pool {
 }
 
 impl Pool {
-    /// Makes a pool of `capacity` paths (≥ 1), without what the scene and the settings have no use for.
-    pub fn new(
-        upload: &mut Upload,
-        capacity: u32,
-        settings: &Settings,
-        features: &Features,
-        workgroup_size: u32,
-    ) -> Result<Pool, Error> {
+    /// Makes a pool of `capacity` paths (≥ 1, and no more than one dispatch has invocations), without what the scene and the
+    /// settings have no use for.
+    pub fn new(upload: &mut Upload, capacity: u32, settings: &Settings, features: &Features) -> Result<Pool, Error> {
         let device = &upload.device().clone();
-        let capacity = capacity.min(device.limits().max_compute_work_group_count[0].saturating_mul(workgroup_size));
         let mut arrays = Vec::new();
         let mut array = |name: &str, bytes: u64, wanted: bool| -> Result<u64, Error> {
             if !wanted {

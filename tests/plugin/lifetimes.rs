@@ -2,11 +2,11 @@
 
 use std::sync::Arc;
 
-use neubrdf::plugin::Change;
-use neubrdf::scene::Film;
+use neubrdf::plugin::{Change, Channel, Frame, PixelFormat, Renderer, Target};
+use neubrdf::scene::{Film, Scene};
 
 use crate::changes::{apply, changes, orbit};
-use crate::frames::{expected, frame, renderer, scene, submit, wait};
+use crate::frames::{bits, expected, frame, options_of, renderer, scene, submit, wait};
 use crate::host::in_lavapipe_hosts;
 
 /// With the host's allocator, whose book tells whether anything is left.
@@ -31,6 +31,39 @@ fn memory_of_the_host_s_allocator_is_given_back() {
         drop(device);
         assert_eq!(allocated(), 0);
         assert!(allocator.lock().unwrap().generate_report().allocations.is_empty());
+    });
+}
+
+/// A window that begins as a pixel has no use for many paths. Once it is larger it has as many as one that was so from the beginning, for
+/// which the memory that both take is the sign; and its frames are the same, with one of the pixel's still on its way.
+#[test]
+fn a_film_that_began_small_has_the_paths_of_one_that_did_not() {
+    in_lavapipe_hosts(|host| {
+        let mut options = options_of(host);
+        options.settings.features = true;
+        let grown_from = |film: Film| {
+            let allocator = host.allocator();
+            let device = host.lend_with_allocator(&allocator);
+            let mut renderer = Renderer::new(&device, Scene { film, ..scene() }, &options).unwrap();
+            let before = submit(host, &device, &mut renderer, 1);
+            renderer.resize(40, 30).unwrap();
+            let after = submit(host, &device, &mut renderer, 2);
+            wait(host, &mut renderer, before);
+            let (beauty, _) = wait(host, &mut renderer, after);
+            let buffer = host.buffer(40 * 30 * 16);
+            let albedo =
+                Target { channel: Channel::Albedo, ..Target::buffer(buffer.target(), PixelFormat::Rgba32Float) };
+            let record = |commands: &mut _| renderer.record(commands, &Frame::new(0, &[albedo])).unwrap();
+            let ticket = host.run_commands(&device, record);
+            renderer.complete(ticket);
+            let albedo = bits(&buffer.read());
+            host.free_buffer(buffer);
+            (allocator.lock().unwrap().generate_report().total_allocated_bytes, beauty, albedo)
+        };
+        let [small, large] = [Film { width: 1, height: 1 }, scene().film].map(grown_from);
+        // But for what the allocator puts between.
+        assert!(small.0.abs_diff(large.0) < large.0 / 100, "{} bytes, not {}", small.0, large.0);
+        assert!(small.1 == expected(host, &scene(), 2) && small.1 == large.1 && small.2 == large.2);
     });
 }
 
