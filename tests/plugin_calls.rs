@@ -23,17 +23,19 @@ use neubrdf::gpu::{self, Device, HostAllocator, HostMemory, Memory, MemoryReques
 use neubrdf::plugin::{Change, Error, Frame, Options, PixelFormat, Renderer, Target, Update};
 use neubrdf::scene::{Environment, Instance, Scene};
 
-/// The system's allocator, with a count of what each thread asks it for.
+/// The system's allocator, with a count of what each thread asks it for, and of its bytes.
 struct Counting;
 
 thread_local! {
     static ALLOCATIONS: Cell<u64> = const { Cell::new(0) };
+    static BYTES: Cell<usize> = const { Cell::new(0) };
 }
 
 // SAFETY: all is the system allocator's.
 unsafe impl GlobalAlloc for Counting {
     unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
         ALLOCATIONS.with(|count| count.set(count.get() + 1));
+        BYTES.with(|count| count.set(count.get() + layout.size()));
         // SAFETY: as the caller says.
         unsafe { System.alloc(layout) }
     }
@@ -142,6 +144,56 @@ fn a_frame_only_records() {
         assert_eq!(layer::waited(), 0, "nothing is ever submitted or waited for");
         assert!(layer::made() > 20);
         assert_eq!([heap[1], heap[2], heap[6], heap[7]], [0; 4], "{heap:?}");
+    });
+}
+
+/// Under a sky of 1.5 MB, a change that is none of the sky asks the heap for little, and the device for nothing: what is new travels in the
+/// command buffer.
+#[test]
+fn what_stays_as_it_is_costs_nothing() {
+    in_lavapipe_hosts(|host| {
+        let _turn = layer::begin();
+        let device = lend(host, None).unwrap();
+        let elsewhere = |instance| {
+            let object_to_world = Affine3A::from_translation(Vec3::new(0.3, 0.1, -0.2));
+            Change::Transform { instance, object_to_world }
+        };
+        let mut floor = scene().materials[0].clone();
+        floor.surface = common::diffuse(0.2);
+        let mut camera = scene().camera;
+        camera.eye.x += 0.4;
+        let changes = [
+            Change::Camera(camera.clone()),
+            elsewhere(1),
+            Change::Material { index: 0, material: floor.clone() },
+            elsewhere(2),
+        ];
+        // Of a sky that is bright in places the light table has all texels, beside the lamps: there no lamp is moved.
+        for (brightest, changes) in [(0.3, &changes[..]), (300.0, &changes[..3])] {
+            let mut now = scene();
+            let mut texels = vec![Vec3::splat(0.3); 512 * 256];
+            texels[20_000] = Vec3::splat(brightest);
+            now.environment = Some(Environment { width: 512, height: 256, texels, rotation_degrees: 0.0 });
+            let mut renderer = Renderer::new(&device, now.clone(), &options_of(host)).unwrap();
+            assert_eq!(renderer.features().uneven_sky, brightest > 1.0);
+            frame(host, &device, &mut renderer, 1);
+            for change in changes {
+                let (made, bytes) = (layer::made(), BYTES.get());
+                renderer.update(std::slice::from_ref(change)).unwrap();
+                assert_eq!(layer::made() - made, 0, "{change:?}");
+                let bytes = BYTES.get() - bytes;
+                assert!(bytes < 50_000, "{bytes} bytes for {change:?}");
+                match change.clone() {
+                    Change::Camera(camera) => now.camera = camera,
+                    Change::Transform { instance, object_to_world } => {
+                        now.instances[instance as usize].object_to_world = object_to_world;
+                    }
+                    Change::Material { index, material } => now.materials[index as usize] = material,
+                    other => panic!("{other:?}"),
+                }
+                assert!(frame(host, &device, &mut renderer, 2).0 == expected(host, &now, 2), "{change:?}");
+            }
+        }
     });
 }
 

@@ -1,5 +1,6 @@
 //! What may change in a scene while it is rendered.
 
+use std::mem::swap;
 use std::sync::Arc;
 
 use glam::{Affine3A, Vec3};
@@ -11,11 +12,11 @@ use crate::scene::{Brdf, Camera, Environment, Flaw, Instance, Material, Scene, S
 /// A change of the scene.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Change {
-    /// Another view. Costs nothing but the copy of a record.
+    /// Another view. Costs nothing but the copy of a record, whatever the scene.
     Camera(Camera),
     /// An instance stands elsewhere. The top level over all instances follows ([`Renderer::set_top_level`](super::Renderer::set_top_level)),
     /// once for all changes of an update: a tree on the CPU for the BVH, an acceleration structure in the next frame for ray query.
-    /// Emissive triangles move with it, and the light table is made anew.
+    /// Emissive triangles move with it: then the light table is made anew.
     Transform {
         /// Index into [`Scene::instances`].
         instance: u32,
@@ -26,7 +27,8 @@ pub enum Change {
     Instances(Vec<Instance>),
     /// A mesh has another shape: the same triangles, texture coordinates and materials over vertices that lie elsewhere. What finds
     /// its triangles is rebuilt or refitted, as said: an acceleration structure in the next frame, or a tree on the CPU. The first
-    /// refit is a rebuild, of something that can be refitted. The top level and the light table follow as for [`Change::Transform`].
+    /// refit is a rebuild, of something that can be refitted. The top level follows as for [`Change::Transform`], and so does the light
+    /// table.
     Deform {
         /// Index into [`Scene::meshes`].
         mesh: u32,
@@ -58,51 +60,65 @@ pub enum Change {
         /// What it is now.
         brdf: Arc<Brdf>,
     },
-    /// Another sky, or none. The light table is made anew.
+    /// Another sky, or none. The light table is made anew, and the texels are uploaded.
     Environment(Option<Environment>),
     /// Another sun, or none. The light table is made anew.
     Sun(Option<Sun>),
 }
 
-/// The parts of a scene that changes touch.
-#[derive(Clone)]
-pub(super) struct Changeable {
-    camera: Camera,
-    /// Positions and normals of meshes that were replaced, in order.
-    shapes: Vec<(usize, Vec<Vec3>, Vec<Vec3>)>,
-    instances: Vec<Instance>,
-    pub(super) materials: Vec<Material>,
-    brdfs: Vec<Arc<Brdf>>,
-    environment: Option<Environment>,
-    sun: Option<Sun>,
+/// What an update has replaced so far: of the scene that was there, what the changes touch and no more.
+pub(super) struct Before {
+    /// For each change, the one that takes it back.
+    replaced: Vec<Change>,
+    /// How many BRDFs there were.
+    brdfs: usize,
 }
 
-impl Changeable {
-    /// What the scene has now.
-    pub(super) fn of(scene: &Scene) -> Changeable {
-        Changeable {
-            camera: scene.camera.clone(),
-            shapes: Vec::new(),
-            instances: scene.instances.clone(),
-            materials: scene.materials.clone(),
-            brdfs: scene.brdfs.clone(),
-            environment: scene.environment.clone(),
-            sun: scene.sun,
-        }
+impl Before {
+    /// Nothing yet.
+    pub(super) fn of(scene: &Scene) -> Before {
+        Before { replaced: Vec::new(), brdfs: scene.brdfs.len() }
     }
 
     /// Puts it back.
-    pub(super) fn restore(self, scene: &mut Scene) {
-        scene.camera = self.camera;
-        for (mesh, positions, normals) in self.shapes.into_iter().rev() {
-            let mesh = &mut scene.meshes[mesh];
-            (mesh.positions, mesh.normals) = (positions, normals);
+    pub(super) fn restore(mut self, scene: &mut Scene) {
+        self.replaced.iter_mut().rev().for_each(|change| exchange(scene, change));
+        scene.brdfs.truncate(self.brdfs);
+    }
+
+    /// The materials that there were.
+    pub(super) fn materials<'a>(&'a self, scene: &'a Scene) -> Vec<&'a Material> {
+        let mut materials: Vec<&Material> = scene.materials.iter().collect();
+        for change in self.replaced.iter().rev() {
+            if let Change::Material { index, material } = change {
+                materials[*index as usize] = material;
+            }
         }
-        scene.instances = self.instances;
-        scene.materials = self.materials;
-        scene.brdfs = self.brdfs;
-        scene.environment = self.environment;
-        scene.sun = self.sun;
+        materials
+    }
+}
+
+/// Makes a change that has been checked. What it replaced is in its place then: a change that takes this one back.
+fn exchange(scene: &mut Scene, change: &mut Change) {
+    match change {
+        Change::Camera(camera) => swap(&mut scene.camera, camera),
+        Change::Transform { instance, object_to_world } => {
+            swap(&mut scene.instances[*instance as usize].object_to_world, object_to_world);
+        }
+        Change::Instances(instances) => swap(&mut scene.instances, instances),
+        Change::Deform { mesh, positions, normals, .. } => {
+            let mesh = &mut scene.meshes[*mesh as usize];
+            swap(&mut mesh.positions, positions);
+            swap(&mut mesh.normals, normals);
+        }
+        Change::Material { index, material } => swap(&mut scene.materials[*index as usize], material),
+        Change::Brdf { index, brdf } => match scene.brdfs.get_mut(*index as usize) {
+            Some(now) => swap(now, brdf),
+            // It took no other's place: [`Before::restore`] goes by their number.
+            None => scene.brdfs.push(brdf.clone()),
+        },
+        Change::Environment(environment) => swap(&mut scene.environment, environment),
+        Change::Sun(sun) => swap(&mut scene.sun, sun),
     }
 }
 
@@ -113,92 +129,83 @@ pub(super) struct Touched {
     pub(super) scene: Changed,
 }
 
-impl Touched {
-    pub(super) fn is_scene(&self) -> bool {
-        let Changed { instances, deformed, materials, brdfs, lights, .. } = &self.scene;
-        *instances || *lights || !deformed.is_empty() || !materials.is_empty() || !brdfs.is_empty()
-    }
-}
-
-/// Makes the changes, in order. `before` is told what it does not have yet.
-pub(super) fn apply(scene: &mut Scene, changes: &[Change], before: &mut Changeable) -> Result<Touched, Flaw> {
+/// Makes the changes, in order. `before` is told what they replace.
+pub(super) fn apply(scene: &mut Scene, changes: &[Change], before: &mut Before) -> Result<Touched, Flaw> {
     let mut touched = Touched::default();
     for change in changes {
+        touched.add(scene, change)?;
+        let mut change = change.clone();
+        exchange(scene, &mut change);
+        before.replaced.push(change);
+    }
+    Ok(touched)
+}
+
+impl Touched {
+    pub(super) fn is_scene(&self) -> bool {
+        let Changed { instances, deformed, materials, brdfs, sky, lights, .. } = &self.scene;
+        *instances || *sky || *lights || !deformed.is_empty() || !materials.is_empty() || !brdfs.is_empty()
+    }
+
+    /// Checks a change of the scene, and adds what it touches.
+    fn add(&mut self, scene: &Scene, change: &Change) -> Result<(), Flaw> {
         match change {
             Change::Camera(camera) => {
                 camera.check()?;
-                scene.camera = camera.clone();
-                touched.camera = true;
+                self.camera = true;
             }
             Change::Transform { instance, object_to_world } => {
-                let mut moved = *scene.instance(*instance)?;
-                moved.object_to_world = *object_to_world;
+                let moved = Instance { object_to_world: *object_to_world, ..*scene.instance(*instance)? };
                 scene.check_instance(*instance, &moved)?;
-                scene.instances[*instance as usize] = moved;
-                touched.scene.instances = true;
+                self.scene.instances = true;
             }
             Change::Instances(instances) => {
                 scene.check_instances(instances)?;
-                scene.instances.clone_from(instances);
-                touched.scene.instances = true;
+                self.scene.instances = true;
             }
             Change::Deform { mesh: index, positions, normals, from, by } => {
                 scene.check_vertices(*index, positions, normals)?;
                 let index = *index as usize;
-                let mesh = &mut scene.meshes[index];
+                let mesh = &scene.meshes[index];
                 if mesh.triangles.is_empty() && from.is_none() {
                     let part = format!("vertices of mesh {index} ({})", mesh.name);
                     let expected = "in a host's buffers, as its triangles are".into();
                     return Err(Flaw { part, found: "in the change".into(), expected });
                 }
-                let old_positions = std::mem::replace(&mut mesh.positions, positions.clone());
-                let old_normals = std::mem::replace(&mut mesh.normals, normals.clone());
-                before.shapes.push((index, old_positions, old_normals));
-                touched.scene.deformed.retain(|deformed| deformed.mesh != index);
-                touched.scene.deformed.push(Deformed { mesh: index, from: *from, by: *by });
+                self.scene.deformed.retain(|deformed| deformed.mesh != index);
+                self.scene.deformed.push(Deformed { mesh: index, from: *from, by: *by });
             }
             Change::Material { index, material } => {
                 scene.check_material(*index, material)?;
-                let now = &mut scene.materials[*index as usize];
+                let now = &scene.materials[*index as usize];
                 let shines =
                     |material: &Material| (material.emission, material.emission_texture, material.emits_both_sides);
-                touched.scene.lights |= shines(now) != shines(material);
+                self.scene.lights |= shines(now) != shines(material);
                 // The top level says which instances have holes.
-                touched.scene.instances |= now.opacity.is_whole() != material.opacity.is_whole();
-                now.clone_from(material);
-                touched.scene.materials.push(*index as usize);
+                self.scene.instances |= now.opacity.is_whole() != material.opacity.is_whole();
+                self.scene.materials.push(*index as usize);
             }
-            Change::Brdf { index, brdf } => {
+            Change::Brdf { index, .. } => {
                 let (index, count) = (*index as usize, scene.brdfs.len());
                 if index > count {
                     let part = "index of a BRDF".into();
                     return Err(Flaw { part, found: index.to_string(), expected: format!("at most {count}") });
                 }
-                match scene.brdfs.get_mut(index) {
-                    Some(now) => now.clone_from(brdf),
-                    None => scene.brdfs.push(brdf.clone()),
-                }
                 // A NeuBRDF's queue hangs on how many come before it.
                 let is_measured = |material: &Material| matches!(material.surface, Surface::Measured { .. });
                 let measured = (0..scene.materials.len()).filter(|index| is_measured(&scene.materials[*index]));
-                touched.scene.materials.extend(measured);
-                touched.scene.brdfs.push(index);
+                self.scene.materials.extend(measured);
+                self.scene.brdfs.push(index);
             }
             Change::Environment(environment) => {
-                if let Some(environment) = environment {
-                    environment.check()?;
-                }
-                scene.environment.clone_from(environment);
-                touched.scene.lights = true;
+                environment.as_ref().map_or(Ok(()), Environment::check)?;
+                self.scene.sky = true;
             }
             Change::Sun(sun) => {
-                if let Some(sun) = sun {
-                    sun.check()?;
-                }
-                scene.sun = *sun;
-                touched.scene.lights = true;
+                sun.as_ref().map_or(Ok(()), Sun::check)?;
+                self.scene.lights = true;
             }
         }
+        Ok(())
     }
-    Ok(touched)
 }

@@ -4,7 +4,7 @@ use std::any::Any;
 use std::collections::VecDeque;
 use std::sync::Arc;
 
-use super::change::{Change, Changeable, Touched, apply};
+use super::change::{Before, Change, Touched, apply};
 use super::error::Error;
 use super::layout::DevelopPass;
 use super::mark::Mark;
@@ -194,7 +194,7 @@ impl Renderer {
     /// # Errors
     /// A flaw of what is new, [`Error::NewRenderer`] for what the kernels cannot do, out of memory.
     pub fn update(&mut self, changes: &[Change]) -> Result<(), Error> {
-        let mut before = Changeable::of(&self.scene);
+        let mut before = Before::of(&self.scene);
         let staged = match apply(&mut self.scene, changes, &mut before) {
             Ok(touched) => {
                 complete_lights(&mut self.scene, self.tracer.features());
@@ -211,15 +211,17 @@ impl Renderer {
         self.top_level = by;
     }
 
-    fn stage(&mut self, before: &Changeable, mut touched: Touched) -> Result<(), Error> {
-        check_lamps(&self.scene, &self.device_only)?;
+    fn stage(&mut self, before: &Before, mut touched: Touched) -> Result<(), Error> {
+        if touched.scene.lights {
+            check_lamps(&self.scene, &self.device_only)?;
+        }
         touched.scene.top_level = self.top_level;
         let mut upload = Upload::later(&self.device);
         if touched.camera {
             self.tracer.set_camera(&mut upload, &self.scene)?;
         }
         if touched.is_scene() {
-            let next = self.tracer.changed(&mut upload, &self.scene, &before.materials, &touched.scene)?;
+            let next = self.tracer.changed(&mut upload, &self.scene, &before.materials(&self.scene), &touched.scene)?;
             let old = self.tracer.take(next);
             self.retire(old);
         }

@@ -7,13 +7,13 @@ use glam::{Vec2, Vec2Swizzles, Vec3};
 use super::error::Error;
 use super::geometry::overwrite;
 use super::kernels::Features;
-use super::layout::{AliasRecord, EmitterLeafRecord, EmitterRecord, LightNodeRecord};
+use super::layout::{AliasRecord, EmitterLeafRecord, EmitterRecord, LightNodeRecord, SceneTable};
 use super::material_record::MaterialRecord;
 use crate::gpu::{Buffer, Upload};
-use crate::scene::{EmissiveTriangle, LightNode, LightTable, Scene, luminance};
+use crate::scene::{EmissiveTriangle, Instance, LightNode, LightTable, Scene, luminance};
 
 /// The lights on the device, without what the features say is not there.
-#[derive(Clone, Default)]
+#[derive(Default)]
 pub struct DeviceLights {
     /// [`LightTable::alias`].
     pub alias: Option<Arc<Buffer>>,
@@ -23,10 +23,14 @@ pub struct DeviceLights {
     pub tree: DeviceLightTree,
     /// Texels of the sky.
     pub environment: Option<Arc<Buffer>>,
+    /// What the scene's table has of them, and zeros for the rest.
+    pub table: SceneTable,
+    /// The instances that emit, with their indices, as they stood then.
+    pub lamps: Vec<(u32, Instance)>,
 }
 
 /// [`LightTable::tree`] on the device.
-#[derive(Clone, Default)]
+#[derive(Default)]
 pub struct DeviceLightTree {
     /// [`LightNodeRecord`]s.
     pub nodes: Option<Arc<Buffer>>,
@@ -37,7 +41,7 @@ pub struct DeviceLightTree {
 }
 
 impl DeviceLights {
-    /// What the scene has now, in the buffers that are there where it fits.
+    /// What the scene has now, in the buffers that are there where it fits. The texels of a sky that is the same stay there.
     ///
     /// # Errors
     /// Out of memory.
@@ -47,6 +51,7 @@ impl DeviceLights {
         scene: &Scene,
         lights: &LightTable,
         features: &Features,
+        sky_changed: bool,
     ) -> Result<DeviceLights, Error> {
         let mut next = DeviceLights::default();
         if features.samples_lights() {
@@ -76,10 +81,40 @@ impl DeviceLights {
                 leaves: Some(overwrite(upload, self.tree.leaves.as_ref(), "light tree's leaves", &leaves)?),
             };
         }
-        if let Some(sky) = scene.environment.as_ref().filter(|_| features.environment) {
-            next.environment = Some(overwrite(upload, self.environment.as_ref(), "environment", &sky.texels)?);
-        }
+        next.environment = match &scene.environment {
+            Some(sky) if features.environment && sky_changed => {
+                Some(overwrite(upload, self.environment.as_ref(), "environment", &sky.texels)?)
+            }
+            _ => self.environment.clone(),
+        };
+        next.table = next.table_of(scene, lights);
         Ok(next)
+    }
+
+    fn table_of(&self, scene: &Scene, lights: &LightTable) -> SceneTable {
+        let address = |buffer: &Option<Arc<Buffer>>| buffer.as_ref().map_or(0, |buffer| buffer.address());
+        let sky = scene.environment.as_ref();
+        let turn = sky.map_or(0.0, |sky| sky.rotation_degrees).to_radians();
+        let sun = scene.sun;
+        SceneTable {
+            light_alias: address(&self.alias),
+            emitters: address(&self.emitters),
+            light_nodes: address(&self.tree.nodes),
+            light_parents: address(&self.tree.parents),
+            emitter_leaves: address(&self.tree.leaves),
+            environment: address(&self.environment),
+            light_count: lights.len() as u32,
+            emitter_count: lights.triangles.len() as u32,
+            environment_size: sky.map_or([0, 0], |sky| [sky.width, sky.height]),
+            environment_rotation: [turn.cos(), turn.sin()],
+            emitter_density: lights.emitter_density as f32,
+            environment_density: lights.environment_density as f32,
+            environment_floor: lights.environment_floor,
+            sun_probability: lights.sun_probability as f32,
+            sun_direction: sun.map_or(Vec3::ZERO, |sun| sun.direction).to_array(),
+            sun_irradiance: sun.map_or(Vec3::ZERO, |sun| sun.irradiance).to_array(),
+            ..SceneTable::default()
+        }
     }
 }
 

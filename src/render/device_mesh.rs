@@ -79,6 +79,10 @@ enum Finder {
 pub(super) struct DeviceMesh {
     arrays: MeshArrays,
     finder: Finder,
+    /// Around the scene's vertices, object space.
+    bounds: Bounds,
+    /// Of its triangles, each once.
+    distinct_materials: Arc<[u32]>,
 }
 
 /// A tree over the triangles of a mesh, for a walk with such a stack if that can be.
@@ -219,7 +223,7 @@ impl DeviceMesh {
             },
             None => Finder::Structure(upload.blas(&[arrays.geometry()])?),
         };
-        Ok(DeviceMesh { arrays, finder })
+        Ok(DeviceMesh { arrays, finder, bounds: mesh.bounds(), distinct_materials: distinct(&mesh.materials) })
     }
 
     /// The mesh in its new shape, in the same arrays.
@@ -258,7 +262,18 @@ impl DeviceMesh {
                 }
             }
         };
-        Ok(DeviceMesh { arrays, finder })
+        let distinct_materials = self.distinct_materials.clone();
+        Ok(DeviceMesh { arrays, finder, bounds: mesh.bounds(), distinct_materials })
+    }
+
+    /// An object-space box around it.
+    pub fn bounds(&self) -> Bounds {
+        self.bounds
+    }
+
+    /// The materials of its triangles, each once.
+    pub fn distinct_materials(&self) -> &[u32] {
+        &self.distinct_materials
     }
 
     pub fn record(&self) -> MeshRecord {
@@ -301,6 +316,15 @@ impl DeviceMesh {
         }
         bytes + buffers.into_iter().flatten().map(|buffer| buffer.size()).sum::<u64>()
     }
+}
+
+fn distinct(materials: &[u32]) -> Arc<[u32]> {
+    let mut distinct = materials.to_vec();
+    // Most stand in rows.
+    distinct.dedup();
+    distinct.sort_unstable();
+    distinct.dedup();
+    distinct.into()
 }
 
 /// What the leaves hold.

@@ -1,8 +1,7 @@
 //! The scene in device memory: geometry, materials, textures and lights behind one table of pointers.
 
+use std::mem::replace;
 use std::sync::Arc;
-
-use glam::Vec3;
 
 use super::device_lights::DeviceLights;
 use super::device_mesh::Deformed;
@@ -15,7 +14,7 @@ use super::neubrdf_table::{NeuBrdfShape, neubrdfs};
 use super::settings::Traversal;
 use crate::gpu::{Buffer, HostMesh, Tlas, Update, Upload};
 use crate::scene::brdf::Precision;
-use crate::scene::{Environment, LightTable, Material, Scene, Texture, TexturePlacement};
+use crate::scene::{Instance, LightTable, Material, Scene, Texture, TexturePlacement};
 
 /// The uploaded scene.
 pub struct DeviceScene {
@@ -45,15 +44,17 @@ pub struct Changed {
     pub materials: Vec<usize>,
     /// BRDFs, by their index.
     pub brdfs: Vec<usize>,
-    /// The sky, the sun, or what emits.
+    /// The sky.
+    pub sky: bool,
+    /// The sun, or what materials emit.
     pub lights: bool,
 }
 
-/// What [`DeviceScene::changed`] made, and then what it took the place of.
+/// What [`DeviceScene::changed`] made, and then what it took the place of; without what stays as it is.
 pub struct NextScene {
     geometry: Option<NextGeometry>,
-    materials: DeviceMaterials,
-    lights: DeviceLights,
+    materials: Option<DeviceMaterials>,
+    lights: Option<DeviceLights>,
 }
 
 impl DeviceScene {
@@ -97,13 +98,16 @@ impl DeviceScene {
             textures = records.address();
             buffers.push(records);
         }
-        let device_lights = DeviceLights::default().overwritten(upload, scene, lights, features)?;
-        let table = table(scene, lights, &geometry, geometry.placement(), &materials, textures, &device_lights);
+        let lights = DeviceLights {
+            lamps: lamps(scene, &geometry),
+            ..DeviceLights::default().overwritten(upload, scene, lights, features, true)?
+        };
+        let table = table(&geometry, geometry.placement(), &materials, textures, &lights);
         let table = upload.buffer("scene table", &[table])?;
         Ok(DeviceScene {
             geometry,
             materials,
-            lights: device_lights,
+            lights,
             textures,
             table,
             neubrdf_shape,
@@ -121,12 +125,18 @@ impl DeviceScene {
         &self,
         upload: &mut Upload,
         scene: &Scene,
-        before: &[Material],
+        before: &[&Material],
         features: &Features,
         changed: &Changed,
     ) -> Result<NextScene, Error> {
-        let table_of_lights = LightTable::with_tree(scene, features.light_tree);
-        if let Some(what) = features.lacks_of(&Features::of(scene, &table_of_lights)) {
+        // Lamps stand in the world.
+        let lamps = lamps(scene, &self.geometry);
+        let bent = changed.deformed.iter().any(|deformed| shines(scene, &self.geometry, deformed.mesh));
+        let relit = changed.sky || changed.lights || bent || lamps != self.lights.lamps;
+        let light_table = relit.then(|| LightTable::with_tree(scene, features.light_tree));
+        let of_lights = light_table.as_ref().map_or(Features::NONE, Features::of_lights);
+        let of_the_rest = Features::of_the_rest(scene, |mesh| self.geometry.materials_of(mesh));
+        if let Some(what) = features.lacks_of(&of_lights.or(&of_the_rest)) {
             return Err(Error::Fixed { what });
         }
         for model in neubrdfs(changed.brdfs.iter().map(|index| &*scene.brdfs[*index])) {
@@ -137,24 +147,31 @@ impl DeviceScene {
                 return Err(Error::Fixed { what: "a NeuBRDF in single precision".to_owned() });
             }
         }
-        let mut materials = self.materials.clone();
-        if !changed.materials.is_empty() {
-            let both = (before, &scene.materials[..]);
-            let which = (&changed.materials[..], &changed.brdfs[..]);
-            materials.replace(upload, both, which, &scene.brdfs, &self.neubrdf_shape)?;
-        }
+        let both = (before, &scene.materials[..]);
+        let which = (&changed.materials[..], &changed.brdfs[..]);
+        let materials = match changed.materials.is_empty() {
+            false => Some(self.materials.replaced(upload, both, which, &scene.brdfs, &self.neubrdf_shape)?),
+            true => None,
+        };
         let moved = changed.instances || !changed.deformed.is_empty();
         let geometry = match moved {
             true => Some(self.geometry.changed(upload, scene, &changed.deformed, changed.top_level)?),
             false => None,
         };
-        // Emitters stand in the world.
-        let lights = match changed.lights || moved {
-            true => self.lights.overwritten(upload, scene, &table_of_lights, features)?,
-            false => self.lights.clone(),
+        let lights = match light_table {
+            Some(table) => {
+                let lights = self.lights.overwritten(upload, scene, &table, features, changed.sky)?;
+                Some(DeviceLights { lamps, ..lights })
+            }
+            None => None,
         };
-        let place = geometry.as_ref().map_or(self.geometry.placement(), NextGeometry::placement);
-        let table = table(scene, &table_of_lights, &self.geometry, place, &materials, self.textures, &lights);
+        let table = table(
+            &self.geometry,
+            geometry.as_ref().map_or(self.geometry.placement(), NextGeometry::placement),
+            materials.as_ref().unwrap_or(&self.materials),
+            self.textures,
+            lights.as_ref().unwrap_or(&self.lights),
+        );
         upload.write(&self.table, &[table])?;
         Ok(NextScene { geometry, materials, lights })
     }
@@ -163,8 +180,8 @@ impl DeviceScene {
     pub fn take(&mut self, next: NextScene) -> NextScene {
         NextScene {
             geometry: next.geometry.map(|geometry| self.geometry.take(geometry)),
-            materials: std::mem::replace(&mut self.materials, next.materials),
-            lights: std::mem::replace(&mut self.lights, next.lights),
+            materials: next.materials.map(|materials| replace(&mut self.materials, materials)),
+            lights: next.lights.map(|lights| replace(&mut self.lights, lights)),
         }
     }
 
@@ -184,42 +201,31 @@ impl DeviceScene {
     }
 }
 
+/// Whether a mesh has a material that emits.
+fn shines(scene: &Scene, geometry: &Geometry, mesh: usize) -> bool {
+    geometry.materials_of(mesh).iter().any(|material| scene.materials[*material as usize].is_emissive())
+}
+
+/// [`DeviceLights::lamps`] of the scene as it is now.
+fn lamps(scene: &Scene, geometry: &Geometry) -> Vec<(u32, Instance)> {
+    let shine: Vec<bool> = (0..scene.meshes.len()).map(|mesh| shines(scene, geometry, mesh)).collect();
+    (0..).zip(scene.instances.iter().copied()).filter(|(_, instance)| shine[instance.mesh as usize]).collect()
+}
+
 fn table(
-    scene: &Scene,
-    lights: &LightTable,
     geometry: &Geometry,
     placement: &Placement,
     materials: &DeviceMaterials,
     textures: u64,
-    device_lights: &DeviceLights,
+    lights: &DeviceLights,
 ) -> SceneTable {
-    let address = |buffer: &Option<Arc<Buffer>>| buffer.as_ref().map_or(0, |buffer| buffer.address());
-    let sky = scene.environment.as_ref();
-    let turn = sky.map_or(0.0, |sky| sky.rotation_degrees).to_radians();
-    let sun = scene.sun;
     SceneTable {
         instances: placement.instances_address(),
         meshes: geometry.meshes_address(),
         nodes: placement.nodes_address(),
         materials: materials.buffer.address(),
         textures,
-        light_alias: address(&device_lights.alias),
-        emitters: address(&device_lights.emitters),
-        light_nodes: address(&device_lights.tree.nodes),
-        light_parents: address(&device_lights.tree.parents),
-        emitter_leaves: address(&device_lights.tree.leaves),
-        environment: address(&device_lights.environment),
-        light_count: lights.len() as u32,
-        emitter_count: lights.triangles.len() as u32,
-        environment_size: sky.map_or([0, 0], |sky: &Environment| [sky.width, sky.height]),
-        environment_rotation: [turn.cos(), turn.sin()],
-        emitter_density: lights.emitter_density as f32,
-        environment_density: lights.environment_density as f32,
-        environment_floor: lights.environment_floor,
-        sun_probability: lights.sun_probability as f32,
-        sun_direction: sun.map_or(Vec3::ZERO, |sun| sun.direction).to_array(),
-        sun_irradiance: sun.map_or(Vec3::ZERO, |sun| sun.irradiance).to_array(),
-        reach: 2.5 * scene.bounds().radius() + 1e-30,
-        padding: 0,
+        reach: 2.5 * placement.bounds().radius() + 1e-30,
+        ..lights.table
     }
 }

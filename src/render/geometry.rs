@@ -52,6 +52,7 @@ pub struct Geometry {
 pub struct Placement {
     instances: Arc<Buffer>,
     top: Top,
+    bounds: Bounds,
 }
 
 /// The top level over all instances.
@@ -127,11 +128,12 @@ impl Geometry {
             }
             Traversal::RayQuery => Top::Structure(upload.tlas(&tlas_instances(scene, &meshes), Update::Rebuild)?),
         };
+        let bounds = scene_bounds(scene, &meshes);
         Ok(Geometry {
             meshes,
             records,
             addresses,
-            placement: Placement { instances, top },
+            placement: Placement { instances, top, bounds },
             gatherer,
             stack,
             is_cpu: device.profile().is_cpu,
@@ -186,8 +188,8 @@ impl Geometry {
                 })
             }
         };
-        let meshes = (!deformed.is_empty()).then_some(meshes);
-        Ok(NextGeometry { meshes, placement: Placement { instances, top } })
+        let placement = Placement { instances, top, bounds: scene_bounds(scene, &meshes) };
+        Ok(NextGeometry { meshes: (!deformed.is_empty()).then_some(meshes), placement })
     }
 
     /// Takes what [`Geometry::changed`] made; returns what was there, for as long as work may use it.
@@ -201,6 +203,11 @@ impl Geometry {
     /// Where the meshes stand.
     pub fn placement(&self) -> &Placement {
         &self.placement
+    }
+
+    /// The materials of a mesh's triangles, each once.
+    pub fn materials_of(&self, mesh: usize) -> &[u32] {
+        self.meshes[mesh].distinct_materials()
     }
 
     /// Where the kernels find the meshes.
@@ -226,7 +233,7 @@ impl Geometry {
 
     /// Bytes of device memory, acceleration structures of the driver's excepted.
     pub fn bytes(&self) -> u64 {
-        let Placement { instances, top } = &self.placement;
+        let Placement { instances, top, .. } = &self.placement;
         let nodes = if let Top::Tree { nodes, .. } = top { nodes.size() } else { 0 };
         let meshes: u64 = self.meshes.iter().map(|mesh| mesh.bytes()).sum();
         meshes + self.records.size() + self.addresses.size() + instances.size() + nodes
@@ -241,6 +248,11 @@ impl NextGeometry {
 }
 
 impl Placement {
+    /// [`Scene::bounds`]
+    pub fn bounds(&self) -> &Bounds {
+        &self.bounds
+    }
+
     /// Where the kernels find the instances.
     pub fn instances_address(&self) -> u64 {
         self.instances.address()
@@ -322,14 +334,19 @@ fn inverse(transform: &Affine3A) -> [f32; 12] {
     wide(transform).inverse().to_cols_array().map(|number| number as f32)
 }
 
+/// [`Scene::bounds`], without another look at the vertices.
+fn scene_bounds(scene: &Scene, meshes: &[Arc<DeviceMesh>]) -> Bounds {
+    Bounds::around(&scene.instances, &meshes.iter().map(|mesh| mesh.bounds()).collect::<Vec<_>>())
+}
+
 /// Which meshes have a material that lets rays through.
-fn meshes_with_holes(scene: &Scene) -> Vec<bool> {
+fn meshes_with_holes(scene: &Scene, meshes: &[Arc<DeviceMesh>]) -> Vec<bool> {
     let has_holes = |material: &u32| !scene.materials[*material as usize].opacity.is_whole();
-    scene.meshes.iter().map(|mesh| mesh.materials.iter().any(has_holes)).collect()
+    meshes.iter().map(|mesh| mesh.distinct_materials().iter().any(has_holes)).collect()
 }
 
 fn tlas_instances(scene: &Scene, meshes: &[Arc<DeviceMesh>]) -> Vec<TlasInstance> {
-    let with_holes = meshes_with_holes(scene);
+    let with_holes = meshes_with_holes(scene, meshes);
     let placed = |(index, instance): (u32, &Instance)| {
         let columns = instance.object_to_world.to_cols_array();
         Some(TlasInstance {

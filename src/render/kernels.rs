@@ -89,24 +89,37 @@ features! {
 impl Features {
     /// Looks at a scene and its lights. Lights without power count as none.
     pub fn of(scene: &Scene, lights: &LightTable) -> Features {
+        let materials_of = |mesh: usize| &scene.meshes[mesh].materials[..];
+        Features::of_lights(lights).or(&Features::of_the_rest(scene, materials_of))
+    }
+
+    /// What a table of lights has.
+    pub(super) fn of_lights(lights: &LightTable) -> Features {
+        Features {
+            emitters: !lights.is_empty() && !lights.triangles.is_empty(),
+            light_tree: lights.tree.is_some(),
+            uneven_sky: lights.environment_texels > 0,
+            ..Features::NONE
+        }
+    }
+
+    /// What a scene has besides; `materials_of` are those of a mesh, each once or more often.
+    pub(super) fn of_the_rest<'a>(scene: &Scene, materials_of: impl Fn(usize) -> &'a [u32]) -> Features {
+        let mut placed = vec![false; scene.meshes.len()];
+        scene.instances.iter().for_each(|instance| placed[instance.mesh as usize] = true);
         let mut used = vec![false; scene.materials.len()];
-        for instance in &scene.instances {
-            for material in &scene.meshes[instance.mesh as usize].materials {
-                used[*material as usize] = true;
-                if let Some(patches) = scene.materials[*material as usize].patches {
-                    used[patches.material as usize] = true;
-                }
+        for material in (0..placed.len()).filter(|mesh| placed[*mesh]).flat_map(materials_of) {
+            used[*material as usize] = true;
+            if let Some(patches) = scene.materials[*material as usize].patches {
+                used[patches.material as usize] = true;
             }
         }
         let used = || scene.materials.iter().zip(&used).filter(|(_, used)| **used).map(|(material, _)| material);
         Features {
             families: used().fold(0, |mask, material| mask | 1 << family(&material.surface, &scene.brdfs) as u32),
             neubrdf_queues: neubrdf_queues(&scene.brdfs),
-            emitters: !lights.is_empty() && !lights.triangles.is_empty()
-                || used().any(|material| glows(material, scene)),
-            light_tree: lights.tree.is_some(),
+            emitters: used().any(|material| glows(material, scene)),
             environment: scene.environment.as_ref().is_some_and(|sky| !sky.is_black()),
-            uneven_sky: lights.environment_texels > 0,
             sun: scene.sun.is_some_and(|sun| sun.irradiance != Vec3::ZERO),
             textures: used().any(|material| material.textures().next().is_some()),
             holes: used().any(|material| !material.opacity.is_whole()),
@@ -117,6 +130,8 @@ impl Features {
             footprints: used().any(|material| is_spatial(&material.surface, &scene.brdfs)),
             lens: scene.camera.lens.is_some(),
             instanced: is_instanced(scene),
+            light_tree: false,
+            uneven_sky: false,
         }
     }
 

@@ -77,6 +77,7 @@ crate::shared_structs! {
     }
 
     /// `glsl/layout/scene.glsl`
+    #[derive(Default)]
     pub struct SceneTable {
         pub instances: u64,
         pub meshes: u64,

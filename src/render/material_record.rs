@@ -239,28 +239,28 @@ impl DeviceMaterials {
         Ok((uploaded, packed.neubrdf_shape))
     }
 
-    /// Replaces the materials of those indices by what the scene has there; `before` are those that were packed. BRDFs of which
+    /// With the materials of those indices replaced by what the scene has there; `before` are those that were packed. BRDFs of which
     /// indices are others than they were, too.
-    pub fn replace(
-        &mut self,
+    pub fn replaced(
+        &self,
         upload: &mut Upload,
-        (before, now): (&[Material], &[Material]),
+        (before, now): (&[&Material], &[Material]),
         (changed, changed_brdfs): (&[usize], &[usize]),
         brdfs: &[Arc<Brdf>],
         shape: &NeuBrdfShape,
-    ) -> Result<(), Error> {
-        let (prepared, tables) = (self.prepared.clone(), self.tables.clone());
+    ) -> Result<DeviceMaterials, Error> {
+        let mut next = self.clone();
         for (place, &index) in changed.iter().enumerate() {
             let material = &now[index];
             let surface = &material.surface;
             let is_new = matches!(surface, Surface::Measured { brdf } if changed_brdfs.contains(&(*brdf as usize)));
             // What costs time is shared with whichever material had it before, or has it already.
             let alike = |other: &Material| is_alike(other, material);
-            let had = || before.iter().position(alike).filter(|_| !is_new);
+            let had = || before.iter().position(|other| alike(other)).filter(|_| !is_new);
             let has = changed[..place].iter().find(|other| alike(&now[**other]));
-            (self.prepared[index], self.tables[index]) = match (has, had()) {
-                (Some(twin), _) => (self.prepared[*twin].clone(), self.tables[*twin].clone()),
-                (None, Some(twin)) => (prepared[twin].clone(), tables[twin].clone()),
+            (next.prepared[index], next.tables[index]) = match (has, had()) {
+                (Some(twin), _) => (next.prepared[*twin].clone(), next.tables[*twin].clone()),
+                (None, Some(twin)) => (self.prepared[twin].clone(), self.tables[twin].clone()),
                 (None, None) => {
                     let prepared = Arc::new(Prepared::of(material, brdfs));
                     let table = table(surface, &prepared, brdfs, shape);
@@ -268,12 +268,12 @@ impl DeviceMaterials {
                     (prepared, table.map(|table| (table, 0)))
                 }
             };
-            let address = self.tables[index].as_ref().map_or(0, |(table, byte)| table.address() + byte);
-            let record = MaterialRecord::new(&now[index], &self.prepared[index], brdfs);
-            self.records[index] = MaterialRecord { table: address, ..record };
+            let address = next.tables[index].as_ref().map_or(0, |(table, byte)| table.address() + byte);
+            let record = MaterialRecord::new(&now[index], &next.prepared[index], brdfs);
+            next.records[index] = MaterialRecord { table: address, ..record };
         }
-        upload.write(&self.buffer, &self.records)?;
-        Ok(())
+        upload.write(&next.buffer, &next.records)?;
+        Ok(next)
     }
 }
 

@@ -164,7 +164,7 @@ impl PathTracer {
         &self,
         upload: &mut Upload,
         scene: &Scene,
-        before: &[Material],
+        before: &[&Material],
         changed: &Changed,
     ) -> Result<NextScene, Error> {
         self.scene.changed(upload, scene, before, &self.features, changed)

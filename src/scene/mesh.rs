@@ -30,7 +30,7 @@ impl Mesh {
     }
 
     /// An object-space box around it.
-    pub(super) fn bounds(&self) -> Bounds {
+    pub fn bounds(&self) -> Bounds {
         self.positions.iter().fold(Bounds::EMPTY, |bounds, &position| bounds.including(position))
     }
 
@@ -207,21 +207,24 @@ impl Bounds {
     pub fn center(&self) -> Vec3 {
         (self.min + self.max) / 2.0
     }
+
+    /// A world-space box around instances of meshes with these boxes: around the corners of each, so that ten thousand
+    /// instances of a large mesh cost no more than ten thousand boxes.
+    pub fn around(instances: &[Instance], boxes: &[Bounds]) -> Bounds {
+        let mut bounds = Bounds::EMPTY;
+        for instance in instances {
+            let Bounds { min, max } = boxes[instance.mesh as usize];
+            for corner in 0..8 {
+                let upper = BVec3::new(corner & 1 != 0, corner & 2 != 0, corner & 4 != 0);
+                bounds = bounds.including(instance.object_to_world.transform_point3(Vec3::select(upper, max, min)));
+            }
+        }
+        bounds
+    }
 }
 
-/// A world-space box around instances of meshes: around the corners of each mesh's own box, so that ten thousand
-/// instances of a large mesh cost no more than ten thousand boxes.
 pub(super) fn bounds(meshes: &[Mesh], instances: &[Instance]) -> Bounds {
-    let boxes: Vec<Bounds> = meshes.iter().map(Mesh::bounds).collect();
-    let mut bounds = Bounds::EMPTY;
-    for instance in instances {
-        let Bounds { min, max } = boxes[instance.mesh as usize];
-        for corner in 0..8 {
-            let upper = BVec3::new(corner & 1 != 0, corner & 2 != 0, corner & 4 != 0);
-            bounds = bounds.including(instance.object_to_world.transform_point3(Vec3::select(upper, max, min)));
-        }
-    }
-    bounds
+    Bounds::around(instances, &meshes.iter().map(Mesh::bounds).collect::<Vec<_>>())
 }
 
 impl super::Scene {
