@@ -448,20 +448,24 @@ pub unsafe extern "C" fn neubrdf_renderer_record(
     })
 }
 
-/// The targets of a frame, which stand as far apart as the first one's size says.
+/// The targets of a frame, which stand as far apart as the first one's size says: all have that size.
 ///
 /// # Safety
 /// As of [`neubrdf_renderer_record`].
 unsafe fn targets(frame: &NeubrdfFrame) -> Result<Vec<Target>, Failure> {
     let mut targets = Vec::new();
-    let mut pointer = frame.targets.cast::<u8>();
-    for _ in 0..frame.target_count {
+    let mut stride = None;
+    for index in 0..frame.target_count {
         // SAFETY: as the caller says.
-        unsafe {
-            let target = read(pointer.cast::<NeubrdfTarget>())?;
-            targets.push(target.target()?);
-            pointer = pointer.add(target.size as usize);
+        let target = unsafe { read(frame.targets.byte_add(index as usize * stride.unwrap_or(0) as usize))? };
+        let stride = *stride.get_or_insert(target.size);
+        if target.size != stride {
+            let found =
+                format!("NeubrdfFrame.targets[{index}].size is {}, and that of the first {stride}", target.size);
+            return Err(Failure::argument(format!("{found}: set both to sizeof(NeubrdfTarget)")));
         }
+        // SAFETY: as the caller says.
+        targets.push(unsafe { target.target()? });
     }
     Ok(targets)
 }
@@ -536,6 +540,49 @@ pub unsafe extern "C" fn neubrdf_renderer_resize(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use ash::vk::Handle;
+
+    /// Of a program that was built with a newer header.
+    #[repr(C)]
+    struct Newer {
+        target: NeubrdfTarget,
+        more: u64,
+    }
+
+    #[test]
+    fn targets_stand_as_far_apart_as_the_first_one_s_size_says() {
+        let read = |sizes: [usize; 2]| {
+            let newer = [(sizes[0], 1), (sizes[1], 3)].map(|(size, format)| {
+                let target = NeubrdfTarget {
+                    size: size as u32,
+                    format,
+                    channel: 0,
+                    exposure: 0.0,
+                    image: VkImage::null(),
+                    layout_before: VkImageLayout::UNDEFINED,
+                    layout_after: VkImageLayout::UNDEFINED,
+                    origin: [0; 2],
+                    buffer: VkBuffer::from_raw(1),
+                    buffer_offset: 0,
+                    buffer_bytes: 0,
+                };
+                Newer { target, more: u64::MAX }
+            });
+            let frame = NeubrdfFrame {
+                size: size_of::<NeubrdfFrame>() as u32,
+                samples: 1,
+                targets: newer.as_ptr().cast(),
+                target_count: 2,
+                estimates_error: 0,
+            };
+            // SAFETY: two targets are there, of the first one's size; the buffer is not looked at.
+            let targets = unsafe { targets(&frame) }.ok()?;
+            Some([targets[0].format, targets[1].format])
+        };
+        let size = size_of::<Newer>();
+        assert_eq!(read([size, size]), Some([PixelFormat::Rgba16Float, PixelFormat::Bgra8]));
+        assert_eq!(read([size, size_of::<NeubrdfTarget>()]), None);
+    }
 
     #[test]
     fn whatever_has_a_bit_can_be_reserved() {
