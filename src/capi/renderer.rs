@@ -566,7 +566,7 @@ mod tests {
                     buffer_offset: 0,
                     buffer_bytes: 0,
                 };
-                Newer { target, more: u64::MAX }
+                Newer { target, more: 0 }
             });
             let frame = NeubrdfFrame {
                 size: size_of::<NeubrdfFrame>() as u32,

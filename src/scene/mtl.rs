@@ -222,7 +222,7 @@ impl Library {
         let metalness = material.unknown_param.get("map_Pm");
         let metallic = parameter("Pm").filter(|_| metalness.is_none()).unwrap_or(0.0);
         let no_base = albedo.value == Vec3::ZERO;
-        let surface = if matches!(illumination, 6 | 7 | 9) || illumination == 4 && self.is_glass(place, material) {
+        let surface = if self.is_glass(place, material, illumination) {
             let ior = self.index(place, material.optical_density.unwrap_or(1.5));
             Surface::Dielectric { ior, alpha: roughness.map_or(0.0, |roughness| roughness * roughness) }
         } else if metallic >= 0.5 {
@@ -311,14 +311,14 @@ impl Library {
         color.filter(|color| *color != Vec3::ZERO).unwrap_or(Vec3::ONE)
     }
 
-    /// Whether a material of `illum 4` is glass. Maya writes that of all that is matte.
-    fn is_glass(&mut self, place: &Place, material: &tobj::Material) -> bool {
-        let reason = match material {
-            tobj::Material { diffuse_texture: Some(_), .. } => "it has `map_Kd`",
-            tobj::Material { optical_density: Some(1.0), .. } => "`Ni 1` refracts nothing",
-            _ => return true,
+    /// Whether a material of that `illum` is glass. Maya writes 4 of all that is matte, Blender 6 and 9 of all that is not opaque.
+    fn is_glass(&mut self, place: &Place, material: &tobj::Material, illumination: u8) -> bool {
+        let reason = match (illumination, material) {
+            (4 | 6 | 9, tobj::Material { diffuse_texture: Some(_), .. }) => "it has `map_Kd`",
+            (4, tobj::Material { optical_density: Some(1.0), .. }) => "`Ni 1` refracts nothing",
+            _ => return matches!(illumination, 4 | 6 | 7 | 9),
         };
-        self.warn(place.clone(), format!("`illum 4` does not make it glass, as {reason}"));
+        self.warn(place.clone(), format!("`illum {illumination}` does not make it glass, as {reason}"));
         false
     }
 

@@ -43,6 +43,7 @@ fn what_exporters_write_is_taken_as_meant() {
             vec!["Kd 0 would make `map_Kd` black", "`illum 4` does not make it glass, as it has `map_Kd`"],
         ),
         ("illum 4\nmap_Kd t.png\nNi 1.5\n", Surface::Diffuse { albedo: textured }, vec!["as it has `map_Kd`"]),
+        ("illum 9\nd .5\nmap_Kd t.png\n", Surface::Diffuse { albedo: textured }, vec!["as it has `map_Kd`"]),
         ("illum 4\nKd .5 .5 .5\nNi 1\n", Surface::Diffuse { albedo: grey }, vec!["`Ni 1` refracts nothing"]),
         ("Kd 0\nKs .5\nmap_Kd t.png\n", coated(textured), vec!["Kd 0 would make `map_Kd` black"]),
         ("Kd .5\nKs .5\nNi 1\n", coated(grey), vec!["a coat of Ni 1 would reflect nothing: taken as 1.5"]),
