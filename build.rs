@@ -66,7 +66,7 @@ pub fn reference_hash(root: &Path) -> io::Result<String> {
             for entry in fs::read_dir(file)? {
                 open.push(path.join(entry?.file_name()));
             }
-        } else if path.extension().is_some_and(|extension| extension == "rs") {
+        } else if file.is_file() && path.extension().is_some_and(|extension| extension == "rs") {
             sources.insert(path, fs::read(file)?);
         }
     }

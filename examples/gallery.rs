@@ -72,7 +72,7 @@ fn main() -> Result<()> {
 /// The scene with the material of a file on its ball.
 fn with_ball(scene: &Scene, file: &Path) -> Result<Scene> {
     let mut scene = scene.clone();
-    let (mut surface, brdfs) = Surface::load(file, None)?;
+    let (mut surface, brdfs, _) = Surface::load(file, None)?;
     if let Surface::Measured { brdf } = &mut surface {
         *brdf += scene.brdfs.len() as u32;
     }

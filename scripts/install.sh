@@ -29,10 +29,12 @@ install -Dm644 src/capi/FindNeuBRDF.cmake "$root/share/neubrdf/cmake/FindNeuBRDF
 mkdir -p "$root/lib/pkgconfig"
 sed -e "s|@prefix@|$prefix|" -e "s|@version@|$version|" src/capi/neubrdf.pc.in >"$root/lib/pkgconfig/neubrdf.pc.part"
 mv "$root/lib/pkgconfig/neubrdf.pc.part" "$root/lib/pkgconfig/neubrdf.pc"
-# The loader looks into its cache alone.
+# The loader looks into its cache alone, and that into some folders alone.
+PATH="$PATH:/sbin:/usr/sbin"
 if [ "$(id -u)" = 0 ] && [ -z "${DESTDIR:-}" ]; then
     ldconfig
-elif [ -z "${DESTDIR:-}" ]; then
+fi
+if [ -z "${DESTDIR:-}" ] && ! ldconfig -p | grep -q "$root/lib/libneubrdf.so"; then
     echo "install: programs find the library by LD_LIBRARY_PATH=$root/lib, or by -Wl,-rpath,$root/lib when they are linked"
 fi
 echo "installed in $root: bin/neubrdf, lib/libneubrdf.{so,a}, include/neubrdf.h, lib/pkgconfig/neubrdf.pc, share/neubrdf/cmake/FindNeuBRDF.cmake"

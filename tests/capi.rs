@@ -151,7 +151,7 @@ fn made_and_changed(file: &Path) -> Scene {
         ..Mesh::default()
     };
     let textured = Color { value: Vec3::splat(0.5), texture: Some(0) };
-    let (surface, brdfs) = Surface::load(file, None).unwrap();
+    let (surface, brdfs, _) = Surface::load(file, None).unwrap();
     let half = |texel: [f32; 4]| texel.map(half::f16::from_f32);
     let above = Affine3A::from_scale_rotation_translation(Vec3::splat(0.5), Quat::IDENTITY, Vec3::new(0.25, 0.75, 0.0));
     let place = |mesh, object_to_world| Instance { mesh, object_to_world };

@@ -180,7 +180,7 @@ fn a_target_that_cannot_be_written_is_an_error_before_the_work() {
     let (_directory, obj) = bare_obj();
     let message = fail(&["render", text(&obj), "-o", "/nonexistent/out.exr", "--spp", "1000000"]);
     assert!(message.contains("/nonexistent"), "{message}");
-    for (output, told) in [("/nonexistent/difference.png", "/nonexistent"), ("difference.gif", ".exr or a .png")] {
+    for (output, told) in [("/nonexistent/difference.png", "/nonexistent"), ("difference.gif", ".exr or .png")] {
         let message = fail(&["compare", text(&obj), text(&obj), "-o", output]);
         assert!(message.contains(told) && !message.contains("tetrahedron"), "{message}");
     }
@@ -242,7 +242,7 @@ fn what_would_be_lost_is_refused() {
     assert!(std::fs::read(&model).unwrap() == same);
 }
 
-/// A batch system or a closed terminal ends a render as Ctrl-C does.
+/// A batch system or a closed terminal ends a render as Ctrl-C does, but for what `nohup` started.
 #[test]
 fn a_render_that_is_told_to_end_loses_nothing() {
     if driver(LAVAPIPE).is_none() {
@@ -250,14 +250,20 @@ fn a_render_that_is_told_to_end_loses_nothing() {
     }
     let (directory, obj) = bare_obj();
     let [exr, state] = ["out.exr", "state"].map(|name| directory.path().join(name));
-    let mut command = Command::new(env!("CARGO_BIN_EXE_neubrdf"));
-    command.args(["render", text(&obj), "-o", text(&exr), "--size", "16x16", "--time", "600"]);
-    command.args(["--checkpoint", text(&state), "--checkpoint-interval", "0"]).stderr(Stdio::piped());
-    let child = command.spawn().unwrap();
-    while !state.exists() {
-        std::thread::sleep(std::time::Duration::from_millis(20));
+    let mut command = Command::new("nohup");
+    command.args([env!("CARGO_BIN_EXE_neubrdf"), "render", text(&obj), "-o", text(&exr), "--size", "16x16"]);
+    command.args(["--time", "600", "--checkpoint", text(&state), "--checkpoint-interval", "0"]);
+    let mut child = command.stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap();
+    let signal = |name: &str, id: u32| Command::new("kill").args([name, &id.to_string()]).status().unwrap();
+    for checkpoint in 0..5 {
+        while !state.exists() {
+            assert!(child.try_wait().unwrap().is_none(), "it ended after {checkpoint} checkpoints");
+            std::thread::sleep(std::time::Duration::from_millis(20));
+        }
+        std::fs::remove_file(&state).unwrap();
+        assert!(signal("-HUP", child.id()).success());
     }
-    assert!(Command::new("kill").args(["-TERM", &child.id().to_string()]).status().unwrap().success());
+    assert!(signal("-TERM", child.id()).success());
     let output = child.wait_with_output().unwrap();
     let said = stderr(&output);
     assert!(output.status.success() && said.contains("interrupted: "), "{said}");

@@ -141,7 +141,7 @@ fn glslang(text: &str, arguments: &[&str]) -> Option<Vec<u8>> {
             Some(std::fs::read(module).unwrap())
         }
         Err(error) => {
-            eprintln!("skipped: glslangValidator: {error}");
+            common::skip(format_args!("glslangValidator: {error}"));
             None
         }
     }

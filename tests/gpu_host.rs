@@ -13,13 +13,13 @@ fn a_host_keeps_its_device_and_submits_by_itself() {
     unsafe {
         let entry = match ash::Entry::load() {
             Ok(entry) => entry,
-            Err(error) => return eprintln!("skipped: {error}"),
+            Err(error) => return common::skip(error),
         };
         let application = vk::ApplicationInfo::default().api_version(vk::API_VERSION_1_2);
         let info = vk::InstanceCreateInfo::default().application_info(&application);
         let host_instance = match entry.create_instance(&info, None) {
             Ok(instance) => instance,
-            Err(error) => return eprintln!("skipped: {error}"),
+            Err(error) => return common::skip(error),
         };
         for physical in host_instance.enumerate_physical_devices().unwrap() {
             let queues = [vk::DeviceQueueCreateInfo::default().queue_priorities(&[1.0])];

@@ -4,6 +4,7 @@
 mod common;
 
 use std::f64::consts::PI;
+use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
@@ -517,9 +518,9 @@ fn single_rays_and_streams_meet_the_same_triangles() {
 /// Every scene that ships: finite, and of the same radiance by two seeds.
 #[test]
 fn shipped_scenes_render() {
-    for name in ["cornell", "furnace", "many_lights", "preview", "sky", "still_life"] {
-        let path = format!("{}/scenes/{name}/scene.toml", env!("CARGO_MANIFEST_DIR"));
-        let (mut scene, _) = Scene::load(path).unwrap();
+    for path in common::shipped_scenes() {
+        let name = path.parent().and_then(Path::file_name).unwrap().to_string_lossy();
+        let (mut scene, _) = Scene::load(&path).unwrap();
         scene.film = Film { width: 40, height: 40 };
         let [first, second] = [1, 2].map(|seed| render(&scene, 32, 8, seed));
         let comparison = prove_equal(&format!("reference-{name}"), &first, &second, 1e-4).unwrap();

@@ -59,7 +59,7 @@ fn disguised(disguises: [fn(&mut DeviceReport); 2]) -> Option<(Arc<Instance>, [A
         let [first, second] = disguises.map(|disguise| instance.open_as(&opened_as(LAVAPIPE), disguise));
         Ok((instance, [first?, second?]))
     };
-    open().inspect_err(|error| eprintln!("skipped: {error}")).ok()
+    open().inspect_err(|error| skip(error)).ok()
 }
 
 /// Times are then missing, and nothing else.
@@ -214,7 +214,6 @@ fn a_restarted_renderer_is_a_new_one() {
     driver.finish();
 }
 
-/// Without light samples there is no kernel that traces shadows; a sun would never be found.
 #[test]
 fn paths_of_no_or_too_many_segments_are_refused() {
     let Some(driver) = driver(LAVAPIPE) else { return };
@@ -226,6 +225,7 @@ fn paths_of_no_or_too_many_segments_are_refused() {
     driver.finish();
 }
 
+/// Without light samples there is no kernel that traces shadows; a sun would never be found.
 #[test]
 fn light_sampling_can_be_left_out_but_not_with_a_sun() {
     let Some(driver) = driver(LAVAPIPE) else { return };

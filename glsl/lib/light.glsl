@@ -125,7 +125,7 @@ LightSample sample_emitter(SceneTable scene, Lights lights, uint index, Receiver
     vec3 normal = cross(emitter.edge_u, emitter.edge_v);
     float distance_squared = dot(to_light, to_light);
     // Each by itself: of a dome ten kilometres wide, in millimetres, the product is no f32.
-    float facing = -dot(normal, to_light) * inversesqrt(dot(normal, normal)) * inversesqrt(distance_squared);
+    float facing = -dot(normal, to_light) / (sqrt(dot(normal, normal)) * sqrt(distance_squared));
     bool both_sides = emitter.emits_both_sides != 0u;
     float cosine = both_sides ? abs(facing) : facing;
     bool lit = cosine > 0.0 && distance_squared > 0.0;

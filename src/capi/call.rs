@@ -46,6 +46,10 @@ impl Failure {
     pub fn argument(message: impl Into<String>) -> Failure {
         Failure { result: NeubrdfResult::InvalidArgument, message: message.into() }
     }
+
+    pub fn scene(message: impl ToString) -> Failure {
+        Failure { result: NeubrdfResult::Scene, message: message.to_string() }
+    }
 }
 
 impl From<gpu::Error> for Failure {
@@ -62,13 +66,13 @@ impl From<gpu::Error> for Failure {
 
 impl From<scene::Error> for Failure {
     fn from(error: scene::Error) -> Failure {
-        Failure { result: NeubrdfResult::Scene, message: error.to_string() }
+        Failure::scene(error)
     }
 }
 
 impl From<scene::Flaw> for Failure {
     fn from(error: scene::Flaw) -> Failure {
-        Failure { result: NeubrdfResult::Scene, message: error.to_string() }
+        Failure::scene(error)
     }
 }
 

@@ -146,7 +146,11 @@ pub unsafe extern "C" fn neubrdf_renderer_set_material_file(
         // SAFETY: as the caller says.
         let (renderer, file, name) =
             unsafe { (&mut object(renderer, "renderer")?.renderer, path(file)?, text(name, "name")?) };
-        let (mut surface, brdfs) = Surface::load(&file, name)?;
+        let (mut surface, brdfs, warnings) = Surface::load(&file, name)?;
+        if let Some(warning) = warnings.first() {
+            // There is nobody to warn.
+            return Err(Failure::scene(warning));
+        }
         let mut changes = Vec::new();
         if let Surface::Measured { brdf } = &mut surface {
             let loaded = brdfs[*brdf as usize].clone();

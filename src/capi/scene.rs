@@ -243,8 +243,11 @@ pub(super) fn transform(rows: &[f32; 12]) -> Affine3A {
 }
 
 fn scene_of(scene: Scene, warnings: Vec<Warning>) -> NeubrdfScene {
-    let text = |warning: Warning| CString::new(warning.to_string()).unwrap_or_default();
-    NeubrdfScene { scene, host_meshes: Vec::new(), warnings: warnings.into_iter().map(text).collect() }
+    NeubrdfScene { scene, host_meshes: Vec::new(), warnings: warnings.iter().map(told).collect() }
+}
+
+fn told(warning: &Warning) -> CString {
+    CString::new(warning.to_string()).unwrap_or_default()
 }
 
 /// An index that is the length of a list before something was added.
@@ -446,7 +449,8 @@ pub unsafe extern "C" fn neubrdf_scene_add_material_file(
     call(|| {
         // SAFETY: as the caller says.
         let (scene, file, name) = unsafe { (object(scene, "scene")?, path(file)?, text(name, "name")?) };
-        let (mut surface, brdfs) = Surface::load(&file, name)?;
+        let (mut surface, brdfs, warnings) = Surface::load(&file, name)?;
+        scene.warnings.extend(warnings.iter().map(told));
         if let Surface::Measured { brdf } = &mut surface {
             *brdf += index_of(scene.scene.brdfs.len())?;
         }

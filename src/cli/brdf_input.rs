@@ -119,7 +119,7 @@ fn maps(path: &Path, name: Option<&str>) -> Result<Option<SurfaceMaps>> {
         return Ok(None);
     }
     let Some((maps, warnings)) = SurfaceMaps::load(path)? else { return Ok(None) };
-    warnings.iter().for_each(|warning| eprintln!("warning: {warning}"));
+    warnings.iter().for_each(|warning| note!("warning: {warning}"));
     Ok(Some(maps))
 }
 
@@ -171,7 +171,10 @@ fn scene_material(path: &Path, name: Option<&str>) -> Result<SceneMaterial> {
             (material.surface.clone(), scene.brdfs)
         }
         None => {
-            Surface::load(path, None).context("a file of one material was expected; of a scene, --name picks one")?
+            let (surface, brdfs, warnings) = Surface::load(path, None)
+                .context("a file of one material was expected; of a scene, --name picks one")?;
+            warnings.iter().for_each(|warning| note!("warning: {warning}"));
+            (surface, brdfs)
         }
     };
     if matches!(surface, Surface::Dielectric { .. }) {

@@ -79,7 +79,7 @@ pub fn run(arguments: Arguments) -> Result<ExitCode> {
     ] {
         // A NaN is above every threshold.
         if let Some(most) = most.filter(|most| found > *most || found.is_nan()) {
-            eprintln!("{name} is {found:.6e}, above {most:e}");
+            note!("{name} is {found:.6e}, above {most:e}");
             exceeded = true;
         }
     }
@@ -88,7 +88,7 @@ pub fn run(arguments: Arguments) -> Result<ExitCode> {
             bail!("--min-p needs variance and sample counts of both pictures, and two samples a pixel of one");
         };
         if test.p < least || test.p.is_nan() {
-            eprintln!("the z-test's p is {:.3e}, below {least:e}", test.p);
+            note!("the z-test's p is {:.3e}, below {least:e}", test.p);
             exceeded = true;
         }
     }

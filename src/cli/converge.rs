@@ -222,7 +222,7 @@ pub fn run_command(arguments: Arguments) -> Result<ExitCode> {
     let interrupted = progress::interrupt_flag()?;
     let bar = progress::bar(progress::STEPS, arguments.quiet);
     let observe = |event: Event| match event {
-        Event::Warning(message) if !arguments.quiet => bar.suspend(|| eprintln!("warning: {message}")),
+        Event::Warning(message) if !arguments.quiet => bar.suspend(|| note!("warning: {message}")),
         Event::Warning(_) => {}
         Event::Reference(name, part) => {
             bar.set_message(format!("reference of {name}"));
@@ -248,7 +248,7 @@ pub fn run_command(arguments: Arguments) -> Result<ExitCode> {
         tell!("report: {}", page.display())?;
     }
     if interrupted.load(Ordering::SeqCst) {
-        eprintln!("interrupted: what was rendered is in the report; --resume goes on");
+        note!("interrupted: what was rendered is in the report; --resume goes on");
     }
     if let Some(old) = old {
         let path = arguments.compare.as_deref().unwrap_or(Path::new(RECORD_FILE));
@@ -265,7 +265,7 @@ pub fn run_command(arguments: Arguments) -> Result<ExitCode> {
     tell!("{}", verdict_lines(&verdicts).trim_end())?;
     let broken = verdicts.iter().filter(|verdict| !verdict.holds).count();
     if broken > 0 {
-        eprintln!("{broken} of {} thresholds are broken", verdicts.len());
+        note!("{broken} of {} thresholds are broken", verdicts.len());
         return Ok(ExitCode::from(BROKEN));
     }
     Ok(ExitCode::SUCCESS)
@@ -312,7 +312,7 @@ fn stability(arguments: &Arguments) -> Result<ExitCode> {
         })?;
     }
     if broken > 0 {
-        eprintln!("{broken} of {} cases do not hold", cases.len());
+        note!("{broken} of {} cases do not hold", cases.len());
         return Ok(ExitCode::from(BROKEN));
     }
     Ok(ExitCode::SUCCESS)

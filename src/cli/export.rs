@@ -62,7 +62,7 @@ fn write_scene(arguments: &Arguments, directory: &Path) -> Result<()> {
     let [scene] = &arguments.inputs[..] else { bail!("--mitsuba writes one scene, not {}", arguments.inputs.len()) };
     let (scene, warnings) = Scene::load(scene)?;
     for warning in &warnings {
-        eprintln!("warning: {warning}");
+        note!("warning: {warning}");
     }
     tell!("{}", export_mitsuba(&scene, arguments.max_depth, directory)?.display())?;
     Ok(())
@@ -99,7 +99,7 @@ fn write_shader(arguments: &Arguments, language: Language, output: &Path) -> Res
 /// The file of the module: `output`, or in that directory one that is named as the first input.
 fn module_path(inputs: &[PathBuf], language: Language, output: &Path) -> Result<PathBuf> {
     Ok(match inputs {
-        [first, ..] if output.is_dir() => output.join(stem(first)?).with_extension(language.extension()),
+        [first, ..] if output.is_dir() => output.join(format!("{}.{}", stem(first)?, language.extension())),
         _ => output.to_owned(),
     })
 }

@@ -48,7 +48,7 @@ impl Job {
         let (mut scene, warnings) = Scene::load(&self.scene)?;
         if !self.quiet {
             for warning in &warnings {
-                eprintln!("warning: {warning}");
+                note!("warning: {warning}");
             }
         }
         scene.film = self.size.unwrap_or(scene.film);

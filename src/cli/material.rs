@@ -56,10 +56,8 @@ pub fn run(arguments: Arguments) -> Result<ExitCode> {
         check_ending(path, &["svg"])?;
         check_outputs([path.as_path()], [arguments.input.as_path()])?;
     }
-    let pack = match arguments.input.extension().and_then(|ending| ending.to_str()) {
-        Some("neubrdf") => Some(NeuBrdfPack::load(&arguments.input)?),
-        _ => None,
-    };
+    let is_pack = arguments.input.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("neubrdf"));
+    let pack = is_pack.then(|| NeuBrdfPack::load(&arguments.input)).transpose()?;
     let asks_for_one = arguments.name.is_some() || arguments.check || arguments.plot.is_some();
     if let Some(pack) = pack.as_ref().filter(|pack| pack.materials.len() > 1 && !asks_for_one) {
         print(&arguments, &describe_pack(pack, &arguments.input)?)?;

@@ -53,6 +53,7 @@ enum Command {
 
 /// Parses, runs, and turns an error into a message on standard error and exit status 1 (2 for wrong usage).
 pub fn main() -> ExitCode {
+    progress::keep_hangups_ignored();
     let result = match Arguments::parse().command {
         Command::Render(arguments) => render::run(*arguments),
         #[cfg(feature = "embree")]
@@ -67,7 +68,7 @@ pub fn main() -> ExitCode {
     match result {
         Ok(status) => status,
         Err(error) => {
-            eprintln!("error: {}", message(&error));
+            note!("error: {}", message(&error));
             ExitCode::FAILURE
         }
     }

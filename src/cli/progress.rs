@@ -1,6 +1,5 @@
 //! What a long command shows while it runs: a bar with ETA on a terminal, nothing when it is quiet or piped.
 
-use std::io::{Write, stderr};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
@@ -24,6 +23,22 @@ pub fn bar(length: u64, quiet: bool) -> ProgressBar {
     bar
 }
 
+/// Keeps the promise of `nohup`: SIGHUP, which [`interrupt_flag`] listens to, does not reach this thread and those that it will start, if
+/// whoever started the program had it ignored.
+pub fn keep_hangups_ignored() {
+    #[cfg(target_os = "linux")]
+    {
+        use nix::sys::signal::{SigSet, Signal};
+        let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
+        let ignored = status.lines().find_map(|line| line.strip_prefix("SigIgn:"));
+        let ignored = ignored.and_then(|mask| u64::from_str_radix(mask.trim(), 16).ok()).unwrap_or(0);
+        if ignored >> (Signal::SIGHUP as u32 - 1) & 1 == 1 {
+            // What cannot be blocked ends the render with all that there is.
+            let _ = SigSet::from(Signal::SIGHUP).thread_block();
+        }
+    }
+}
+
 /// A flag that the first Ctrl-C raises, or a request to end from elsewhere (SIGTERM, SIGHUP: a batch system, a session that is closed);
 /// a second one ends the process at once.
 pub fn interrupt_flag() -> anyhow::Result<Arc<AtomicBool>> {
@@ -33,8 +48,7 @@ pub fn interrupt_flag() -> anyhow::Result<Arc<AtomicBool>> {
         if raised.swap(true, Ordering::SeqCst) {
             std::process::exit(130);
         }
-        // Whose terminal is gone reads nothing any longer.
-        let _ = writeln!(stderr(), "\nfinishing, so that nothing is lost; press Ctrl-C again to stop at once");
+        note!("\nfinishing, so that nothing is lost; press Ctrl-C again to stop at once");
     })?;
     Ok(flag)
 }

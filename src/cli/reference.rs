@@ -40,7 +40,7 @@ pub fn run(arguments: Arguments) -> Result<ExitCode> {
     metadata.scene_hash = scene.hash();
     arguments.job.write(&picture, &metadata)?;
     if !arguments.job.quiet {
-        eprintln!(
+        note!(
             "{} spp in {:.1} s, {:.2} Msamples/s",
             statistics.least_spp,
             statistics.seconds,

@@ -152,7 +152,7 @@ pub fn run(arguments: Arguments) -> Result<ExitCode> {
     arguments.job.write(&picture, &metadata)?;
     let rejected = renderer.rejected_samples()?;
     if rejected > 0 && !arguments.job.quiet {
-        eprintln!("warning: {rejected} samples were not finite and count as black; please report the scene");
+        note!("warning: {rejected} samples were not finite and count as black; please report the scene");
     }
     let error = if renderer.samples() > 1 { Some(renderer.estimate_error()?) } else { None };
     let rate = renderer.samples() as f64 * renderer.pixel_count() as f64 / renderer.seconds().max(1e-9);
@@ -160,7 +160,7 @@ pub fn run(arguments: Arguments) -> Result<ExitCode> {
         let interrupted = if stopped == Stopped::Interrupted { "interrupted: " } else { "" };
         let error = error.map_or(String::new(), |error| format!(", estimated error {:.2} %", 100.0 * error));
         let (spp, seconds) = (renderer.samples(), renderer.seconds());
-        eprintln!("{interrupted}{spp} spp in {seconds:.1} s, {:.2} Msamples/s{error}", 1e-6 * rate);
+        note!("{interrupted}{spp} spp in {seconds:.1} s, {:.2} Msamples/s{error}", 1e-6 * rate);
     }
     if arguments.stats.is_some() {
         let statistics = json!({

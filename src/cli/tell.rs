@@ -13,6 +13,14 @@ pub fn line(words: fmt::Arguments) -> Result<()> {
     }
 }
 
+/// `eprintln!` to whoever still listens: whose terminal is gone has other worries than our end.
+macro_rules! note {
+    ($($words:tt)*) => {{
+        use std::io::Write;
+        let _ = writeln!(std::io::stderr(), $($words)*);
+    }};
+}
+
 /// `println!` by [`line`]; its value is a `Result`.
 macro_rules! tell {
     ($($words:tt)*) => { $crate::cli::tell::line(format_args!($($words)*)) };

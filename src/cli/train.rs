@@ -196,7 +196,7 @@ pub fn run(arguments: Arguments) -> Result<ExitCode> {
         }
         if is_interrupted() {
             // What was broken off compares with nothing.
-            eprintln!("interrupted: the report compares the recipes that were trained to their ends");
+            note!("interrupted: the report compares the recipes that were trained to their ends");
         }
     }
     let report = Report {

@@ -42,7 +42,9 @@ struct Flat<'a> {
 impl Flat<'_> {
     /// Appends a source, unless it is there already.
     fn include(&mut self, wanted: &str) {
-        let Some((name, source)) = SOURCES.iter().find(|(name, _)| *name == wanted) else { return };
+        let Some((name, source)) = SOURCES.iter().find(|(name, _)| *name == wanted) else {
+            unreachable!("SOURCES lacks {wanted}, which one of them includes");
+        };
         if !self.seen.insert(*name) {
             return;
         }

@@ -113,8 +113,10 @@ pub struct Place {
 }
 
 impl Place {
-    /// The greatest group and binding: more than any device has, and such that all languages can say it.
+    /// The greatest group and binding: more than any device has.
     pub const MOST: u32 = 200;
+    /// The greatest binding in MSL, whose buffers end at 30 (Metal Shading Language Specification): two more follow in the kernel.
+    pub const MOST_OF_MSL: u32 = 28;
 }
 
 /// A model of an export.
@@ -145,7 +147,7 @@ pub enum Error {
         flaw: Flaw,
     },
     /// Nothing can be bound there.
-    #[error("group {} and binding {}: expected at most {} for each", .0.group, .0.binding, Place::MOST)]
+    #[error("group {} and binding {}: expected at most {} for each, in MSL a binding of at most {}", .0.group, .0.binding, Place::MOST, Place::MOST_OF_MSL)]
     Place(Place),
     /// naga, or what precedes it, refuses the module: a fault of this program.
     #[error("the module cannot be written as {language}: {message}")]
@@ -179,7 +181,8 @@ pub fn export(models: &[(String, NeuBrdf)], language: Language, place: Place) ->
     if models.is_empty() {
         return Err(Error::Nothing);
     }
-    if place.group.max(place.binding) > Place::MOST {
+    let most_binding = if language == Language::Msl { Place::MOST_OF_MSL } else { Place::MOST };
+    if place.group > Place::MOST || place.binding > most_binding {
         return Err(Error::Place(place));
     }
     for (name, model) in models {

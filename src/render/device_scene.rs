@@ -136,7 +136,8 @@ impl DeviceScene {
         let light_table = relit.then(|| LightTable::with_tree(scene, features.light_tree));
         let of_lights = light_table.as_ref().map_or(Features::NONE, Features::of_lights);
         let of_the_rest = Features::of_the_rest(scene, |mesh| self.geometry.materials_of(mesh));
-        if let Some(what) = features.lacks_of(&of_lights.or(&of_the_rest)) {
+        let of_sky = if changed.sky { Features::of_sky(scene) } else { Features::NONE };
+        if let Some(what) = features.lacks_of(&of_lights.or(&of_sky).or(&of_the_rest)) {
             return Err(Error::Fixed { what });
         }
         for model in neubrdfs(changed.brdfs.iter().map(|index| &*scene.brdfs[*index])) {

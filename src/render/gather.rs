@@ -29,6 +29,7 @@ crate::shared_structs! {
 
 /// Of a source: its words, and the threads' steps beyond them, count in 32 bits.
 const MOST_BYTES: u64 = 8 << 30;
+
 /// The kernel, built when a host's mesh first asks for it.
 #[derive(Default)]
 pub(super) struct Gatherer {

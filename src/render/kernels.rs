@@ -90,7 +90,7 @@ impl Features {
     /// Looks at a scene and its lights. Lights without power count as none.
     pub fn of(scene: &Scene, lights: &LightTable) -> Features {
         let materials_of = |mesh: usize| &scene.meshes[mesh].materials[..];
-        Features::of_lights(lights).or(&Features::of_the_rest(scene, materials_of))
+        Features::of_lights(lights).or(&Features::of_sky(scene)).or(&Features::of_the_rest(scene, materials_of))
     }
 
     /// What a table of lights has.
@@ -101,6 +101,12 @@ impl Features {
             uneven_sky: lights.environment_texels > 0,
             ..Features::NONE
         }
+    }
+
+    /// What its sky asks for: a look at its texels, down to the first that is not black.
+    pub(super) fn of_sky(scene: &Scene) -> Features {
+        let environment = scene.environment.as_ref().is_some_and(|sky| !sky.is_black());
+        Features { environment, ..Features::NONE }
     }
 
     /// What a scene has besides; `materials_of` are those of a mesh, each once or more often.
@@ -119,7 +125,6 @@ impl Features {
             families: used().fold(0, |mask, material| mask | 1 << family(&material.surface, &scene.brdfs) as u32),
             neubrdf_queues: neubrdf_queues(&scene.brdfs),
             emitters: used().any(|material| glows(material, scene)),
-            environment: scene.environment.as_ref().is_some_and(|sky| !sky.is_black()),
             sun: scene.sun.is_some_and(|sun| sun.irradiance != Vec3::ZERO),
             textures: used().any(|material| material.textures().next().is_some()),
             holes: used().any(|material| !material.opacity.is_whole()),
@@ -130,6 +135,7 @@ impl Features {
             footprints: used().any(|material| is_spatial(&material.surface, &scene.brdfs)),
             lens: scene.camera.lens.is_some(),
             instanced: is_instanced(scene),
+            environment: false,
             light_tree: false,
             uneven_sky: false,
         }

@@ -9,7 +9,7 @@ use glam::{Vec2, Vec3};
 
 use super::error::{Error, Place, Warning, open, quote};
 use super::light::BRIGHTEST;
-use super::named_file::beside;
+use super::named_file::{beside, there};
 use super::statements::{Fault, Statements, number};
 use super::{Brdf, Color, Fresnel, Material, Opacity, Patches, Surface, TexturePlacement};
 
@@ -85,11 +85,9 @@ impl Library {
         for (line, names) in names.iter().filter(|(_, names)| known.insert(names)) {
             let place = Place::line(obj, *line);
             // A statement may name several files, or one file with spaces in its name.
-            let whole = beside(&place, names, &mut self.warnings);
-            let files = if whole.exists() {
-                vec![whole]
-            } else {
-                names.split_whitespace().map(|name| beside(&place, name, &mut self.warnings)).collect()
+            let files = match there(&place, names, &mut self.warnings) {
+                Some(whole) => vec![whole],
+                None => names.split_whitespace().map(|name| beside(&place, name, &mut self.warnings)).collect(),
             };
             for file in files {
                 self.read_material_file(&file, &place)?;

@@ -8,24 +8,45 @@ use super::error::{Place, Warning, quote};
 /// Most folders and files in a name that is looked for in other cases, as each may take the listing of a folder.
 const MOST_PARTS: usize = 32;
 
-/// The path of a name in a file, to which it is relative. Unless there is a file of that very name, quotes are dropped, backslashes part
-/// folders, and letters may be in another case; of a file that is not where it says, one of its name beside the file that names it is
-/// taken. A warning tells of both. If there is none at all it is the path that the name says.
-pub(super) fn beside(place: &Place, name: &str, warnings: &mut Vec<Warning>) -> PathBuf {
+/// The file that is where a name in a file says, to which it is relative. Unless there is one of that very name, quotes are dropped,
+/// backslashes part folders, and letters may be in another case, of which a warning tells.
+pub(super) fn there(place: &Place, name: &str, warnings: &mut Vec<Warning>) -> Option<PathBuf> {
     let folder = place.file.parent().unwrap_or(Path::new(""));
     let exact = folder.join(name);
     if exact.exists() {
-        return exact;
+        return Some(exact);
     }
-    let plain = name.trim_matches('"').replace('\\', "/");
-    let plain = Path::new(&plain);
-    let names = [Some(plain), plain.file_name().map(Path::new)];
-    let Some(found) = names.into_iter().flatten().find_map(|name| in_any_case(folder, name)) else { return exact };
-    if found != folder.join(plain) {
-        let message = format!("there is no {}: {} is taken", quote(name), found.display());
-        warnings.push(Warning { place: place.clone(), message });
+    let plain = plain(name);
+    let found = in_any_case(folder, Path::new(&plain))?;
+    if found != folder.join(&plain) {
+        warnings.push(taken(place, name, &found));
     }
-    found
+    Some(found)
+}
+
+/// The same; of a file that is not where its name says, the one of that name beside the file that names it, with a warning. If there is none
+/// at all it is the path that the name says.
+pub(super) fn beside(place: &Place, name: &str, warnings: &mut Vec<Warning>) -> PathBuf {
+    if let Some(found) = there(place, name, warnings) {
+        return found;
+    }
+    let folder = place.file.parent().unwrap_or(Path::new(""));
+    let plain = plain(name);
+    match Path::new(&plain).file_name().and_then(|alone| in_any_case(folder, Path::new(alone))) {
+        Some(found) => {
+            warnings.push(taken(place, name, &found));
+            found
+        }
+        None => folder.join(name),
+    }
+}
+
+fn plain(name: &str) -> String {
+    name.trim_matches('"').replace('\\', "/")
+}
+
+fn taken(place: &Place, name: &str, found: &Path) -> Warning {
+    Warning { place: place.clone(), message: format!("there is no {}: {} is taken", quote(name), found.display()) }
 }
 
 /// The file in a folder whose name, part by part, is that one but for the case of letters.

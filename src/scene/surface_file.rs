@@ -8,22 +8,24 @@ use glam::Vec3;
 use super::file::{MAPS, MAPS_ARE_LEARNED, OF_A_SCENE, surface};
 use super::mtl::Library;
 use super::table::{Source, Table, read_text};
-use super::{Brdf, Color, Error, Surface};
+use super::{Brdf, Color, Error, Surface, Warning};
 
 /// Longest file of one material, bytes.
 pub(super) const LONGEST_FILE: u64 = 1 << 20;
 
 impl Surface {
     /// Loads a TOML file whose keys are those of a material of a scene file, or a file that [`Brdf::load`] knows, of which `name`
-    /// picks one material where it holds several. The BRDFs are what [`Surface::Measured`] indexes.
+    /// picks one material where it holds several. The BRDFs are what [`Surface::Measured`] indexes; warnings tell of files that were found
+    /// by another name.
     ///
     /// # Errors
     /// Anything that is not as docs/scenes.md says, with its place and the remedy. Textures are refused: a surface alone has
     /// no coordinates.
-    pub fn load(path: impl AsRef<Path>, name: Option<&str>) -> Result<(Surface, Vec<Arc<Brdf>>), Error> {
+    #[allow(clippy::type_complexity)] // a surface, what it indexes, and what is to be told
+    pub fn load(path: impl AsRef<Path>, name: Option<&str>) -> Result<(Surface, Vec<Arc<Brdf>>, Vec<Warning>), Error> {
         let path = path.as_ref();
         if !path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("toml")) {
-            return Ok((Surface::Measured { brdf: 0 }, vec![Arc::new(Brdf::load(path, name)?)]));
+            return Ok((Surface::Measured { brdf: 0 }, vec![Arc::new(Brdf::load(path, name)?)], Vec::new()));
         }
         let text = read_text(path, LONGEST_FILE)?;
         let source = Source { file: path, text: &text };
@@ -43,7 +45,7 @@ impl Surface {
         table.require("type")?;
         let mut library = Library::default();
         let surface = surface(&table, &grey(), &mut library)?;
-        Ok((surface, library.brdfs))
+        Ok((surface, library.brdfs, library.warnings))
     }
 }
 

@@ -75,8 +75,8 @@ fn exported_modules_sample_as_the_density_says() {
     let brdfs = brdfs();
     let exported = exported(&brdfs);
     let angles = [(30.0, 10.0), (60.0, -70.0), (80.0, 200.0), (45.0, 120.0), (10.0, 0.0)];
-    let seen: Vec<_> =
-        brdfs.iter().zip(angles).map(|(brdf, (theta, phi))| Configuration::measured(brdf, theta, phi)).collect();
+    let from = brdfs.iter().zip(angles.into_iter().cycle());
+    let seen: Vec<_> = from.map(|(brdf, (theta, phi))| Configuration::measured(brdf, theta, phi)).collect();
     let histogram = |(index, configuration): (usize, &Configuration)| {
         let mut random = Random(9000 + index as u64);
         let wo = configuration.wo.as_vec3().as_dvec3();

@@ -10,7 +10,7 @@ use gpu_allocator::vulkan::{Allocator, AllocatorCreateDesc};
 use gpu_allocator::{AllocationSizes, AllocatorDebugSettings};
 use neubrdf::gpu::{Additions, Commands, Device, HostBuffer, HostDevice, HostImage, requirements};
 
-use crate::common::{LAVAPIPE, alone_with_validation};
+use crate::common::{alone_with_validation, name_of_lavapipe};
 
 type Messages = Mutex<Vec<String>>;
 
@@ -59,9 +59,10 @@ pub fn in_every_host(check: impl Fn(&Host)) {
     in_hosts(|_| true, check);
 }
 
-/// The same on lavapipe alone, which compiles in no time.
+/// The same on lavapipe alone, which compiles in no time, or what takes its place.
 pub fn in_lavapipe_hosts(check: impl Fn(&Host)) {
-    in_hosts(|name| name.contains(LAVAPIPE), check);
+    let wanted = name_of_lavapipe().to_lowercase();
+    in_hosts(|name| name.to_lowercase().contains(&wanted), check);
 }
 
 /// The names of the devices, or none without a loader or without the validation layer.

@@ -52,10 +52,20 @@ pub fn drivers_are_required() -> bool {
     std::env::var_os("NEUBRDF_REQUIRE_DRIVERS").is_some()
 }
 
+/// Says why a test looks at nothing; where drivers are required that is a failure.
+pub fn skip(reason: impl std::fmt::Display) {
+    assert!(!drivers_are_required(), "required here: {reason}");
+    eprintln!("skipped: {reason}");
+}
+
 /// By what name a device is opened: where `NEUBRDF_TEST_DEVICE` names one, a GPU say, tests of lavapipe take it instead.
 pub fn opened_as(name: &str) -> DeviceChoice {
-    let other = std::env::var("NEUBRDF_TEST_DEVICE").ok().filter(|_| name == LAVAPIPE);
-    DeviceChoice::Named(other.unwrap_or_else(|| name.to_owned()))
+    DeviceChoice::Named(if name == LAVAPIPE { name_of_lavapipe() } else { name.to_owned() })
+}
+
+/// A part of the name of lavapipe, or of what takes its place.
+pub fn name_of_lavapipe() -> String {
+    std::env::var("NEUBRDF_TEST_DEVICE").unwrap_or_else(|_| LAVAPIPE.to_owned())
 }
 
 /// Waits until no other test uses the validation layer, and keeps it from all others until this test's thread ends.
@@ -109,9 +119,8 @@ fn driver_within(name: &str, instance: fn() -> Result<Arc<Instance>, neubrdf::gp
     };
     match open() {
         Ok(driver) => Some(driver),
-        Err(error) if drivers_are_required() => panic!("{name} is required here: {error}"),
         Err(error) => {
-            eprintln!("skipped: {name}: {error}");
+            skip(format_args!("{name}: {error}"));
             None
         }
     }
@@ -123,12 +132,11 @@ fn driver_within(name: &str, instance: fn() -> Result<Arc<Instance>, neubrdf::gp
 pub fn on_every_device(check: impl Fn(&Arc<Device>)) {
     let instance = match validated() {
         Ok(instance) => instance,
-        Err(error) if drivers_are_required() => panic!("a Vulkan driver is required here: {error}"),
-        Err(error) => return eprintln!("skipped: {error}"),
+        Err(error) => return skip(error),
     };
     let reports = instance.devices().unwrap();
-    if reports.is_empty() {
-        eprintln!("skipped: no Vulkan device");
+    if !reports.iter().any(|report| report.missing.is_empty()) {
+        skip("no fit Vulkan device");
     }
     for report in reports {
         if !report.missing.is_empty() {

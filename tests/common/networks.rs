@@ -35,22 +35,20 @@ const PUBLISHED: [(&str, &[&str]); 2] = [
 /// rounding is all that is left of a value. Two of them share their codebooks.
 pub fn neubrdfs() -> Vec<(String, Arc<Brdf>)> {
     let small = Shape { n_side: 4, features: 4, codes: 60, hidden: &[12, 16, 12], ..Shape::FULL };
-    let shapes = [
-        ("anisotropic", small),
-        ("isotropic", Shape { is_isotropic: true, is_pruned: true, n_side: 16, hidden: &[16, 8], ..small }),
-        ("varying", Shape { surface: Some(([5, 4], 3)), ..small }),
-        ("varying, isotropic", Shape { is_isotropic: true, n_side: 8, surface: Some(([8, 8], 8)), ..small }),
-        ("of two resolutions", Shape { n_side: 8, resolutions: 2, ..small }),
-        ("of one pixel size", Shape { n_side: 1, features: 2, hidden: &[7], ..small }),
-    ];
     // The first two have codes of one seed, and share their codebooks as members of a pack do.
-    let seeds = [0, 0, 2];
-    let mut models: Vec<NeuBrdf> =
-        shapes.iter().zip(seeds).map(|((_, shape), seed)| random_neubrdf(*shape, seed)).collect();
+    let shapes = [
+        ("anisotropic", 0, small),
+        ("isotropic", 0, Shape { is_isotropic: true, is_pruned: true, n_side: 16, hidden: &[16, 8], ..small }),
+        ("varying", 2, Shape { surface: Some(([5, 4], 3)), ..small }),
+        ("varying, isotropic", 3, Shape { is_isotropic: true, n_side: 8, surface: Some(([8, 8], 8)), ..small }),
+        ("of two resolutions", 4, Shape { n_side: 8, resolutions: 2, ..small }),
+        ("of one pixel size", 5, Shape { n_side: 1, features: 2, hidden: &[7], ..small }),
+    ];
+    let mut models: Vec<NeuBrdf> = shapes.iter().map(|(_, seed, shape)| random_neubrdf(*shape, *seed)).collect();
     let (wi, wo) = (models[0].wi.codebook.clone(), models[0].wo.codebook.clone());
     assert!(models[1].wi.codebook == wi && models[1].wo.codebook == wo);
     (models[1].wi.codebook, models[1].wo.codebook) = (wi, wo);
-    let make = |((name, _), mut model): (&(&str, Shape), NeuBrdf)| {
+    let make = |((name, ..), mut model): (&(&str, u64, Shape), NeuBrdf)| {
         let last = model.layers.last_mut().unwrap();
         last.weights.iter_mut().for_each(|weight| *weight *= 0.25);
         last.bias = vec![0.75, 1.0, 0.5];

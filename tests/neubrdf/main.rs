@@ -319,7 +319,7 @@ fn a_mesh_without_texture_coordinates_is_warned_of() {
         write("m.neubrdf", &random_neubrdf(shape, 1).encode(Precision::F16).unwrap());
         write("a.obj", faces(corner).as_bytes());
         let (_, warnings) = Scene::load(folder.path().join("scene.toml")).unwrap();
-        let found = warnings.iter().any(|warning| warning.message.contains("no texture coordinates"));
+        let found = warnings.iter().any(|warning| warning.message.contains("without texture coordinates"));
         assert_eq!(found, warns, "{warnings:?}");
     }
 }

@@ -408,9 +408,11 @@ fn a_sun_that_is_gone_leaves_no_bias() {
         let settings = Settings { sampler: Sampler::Pcg, ..options().settings };
         let mut lit = scene();
         lit.environment = Some(uneven_sky());
-        let reserve = Features { sun: true, ..Features::NONE };
-        let with = Options { settings, reserve, ..options_of(host) };
-        let mut sunless = Renderer::new(&device, lit.clone(), &with).unwrap();
+        let sun = Sun { direction: Vec3::new(0.0, 0.8, 0.6), irradiance: Vec3::splat(3.0) };
+        let with = Options { settings, ..options_of(host) };
+        let mut sunless = Renderer::new(&device, Scene { sun: Some(sun), ..lit.clone() }, &with).unwrap();
+        frame(host, &device, &mut sunless, 1);
+        sunless.update(&[Change::Sun(None)]).unwrap();
         let never = Options { settings: Settings { seed: 99, ..settings }, ..options_of(host) };
         let mut never = Renderer::new(&device, lit, &never).unwrap();
         let [a, b] = [&mut sunless, &mut never].map(|renderer| frame(host, &device, renderer, 64).0);

@@ -96,6 +96,21 @@ fn an_mtl_file_that_is_named_again_is_read_once() {
 }
 
 #[test]
+fn an_obj_file_may_name_several_mtl_files() {
+    let color = |text: &str, files: &[(&str, &str)]| {
+        let folder = Folder::new(&[("a.obj", &format!("mtllib {text}\n{TRIANGLE}"))]);
+        fs::create_dir(folder.path("sub")).unwrap();
+        files.iter().for_each(|(name, text)| fs::write(folder.path(name), text).unwrap());
+        folder.load("a.obj").unwrap().0.materials[0].surface.clone()
+    };
+    let white = Surface::Diffuse { albedo: Color::constant(Vec3::ONE) };
+    let (mine, other) = ("newmtl m\nKd 1\n", "newmtl n\n");
+    assert_eq!(color("a.mtl sub/b.mtl", &[("a.mtl", other), ("sub/b.mtl", mine), ("b.mtl", other)]), white);
+    assert_eq!(color("was/a.mtl was/b.mtl", &[("a.mtl", mine), ("b.mtl", other)]), white);
+    assert_eq!(color("my own.mtl", &[("my own.mtl", mine), ("own.mtl", other)]), white);
+}
+
+#[test]
 fn degenerate_triangles_are_dropped_with_one_warning() {
     let (scene, warnings) = obj("v 0 0 0\nv 1 0 0\nv 0 1 0\nv 9 9 9\nf 1 2 3\nf 1 1 2\nf 4 4 4\n");
     assert_eq!(scene.meshes[0].triangles.len(), 1);

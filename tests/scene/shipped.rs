@@ -5,7 +5,8 @@ use super::*;
 #[path = "../../examples/make_scenes/main.rs"]
 mod make_scenes;
 
-const SHIPPED: [&str; 8] = ["cornell", "preview", "many_lights", "furnace", "sky", "still_life", "mosaic", "foliage"];
+const SHIPPED: [&str; 9] =
+    ["cornell", "preview", "many_lights", "furnace", "sky", "still_life", "mosaic", "foliage", "neural"];
 
 fn shipped(name: &str) -> Scene {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes").join(name).join("scene.toml");
@@ -34,7 +35,7 @@ fn shipped_scenes_are_what_their_generator_makes() {
         let there = fs::read_dir(shipped.join(name)).unwrap().filter(|entry| is_made(&entry.as_ref().unwrap().path()));
         assert_eq!(there.count(), files, "{name} has a file of unknown origin");
     }
-    assert!(total < 2 << 20, "{total} bytes");
+    assert!(total < 3 << 20, "{total} bytes");
 }
 
 #[test]
@@ -58,7 +59,7 @@ fn shipped_scenes_cover_every_feature() {
     assert!(any(&|scene| scene.instances.len() > scene.meshes.len()));
     assert!(any(&|scene| scene.instances.iter().any(|at| at.object_to_world.matrix3.determinant() < 0.0)));
     for scene in &scenes {
-        assert!(scene.film.width <= 256 && scene.film.height <= 256);
+        assert!(scene.film.width <= 512 && scene.film.height <= 512);
         for mesh in &scene.meshes {
             assert!(mesh.normals.iter().all(|normal| (normal.length() - 1.0).abs() < 1e-5));
         }
@@ -167,7 +168,7 @@ fn a_file_of_one_material_says_what_a_scene_says_of_it() {
         ("bad.toml", "type = \"coated\"\nalbdo = 1\n"),
         ("lamp.toml", "emission = 1\n"),
     ]);
-    let (surface, brdfs) = Surface::load(folder.path("m.toml"), None).unwrap();
+    let (surface, brdfs, _) = Surface::load(folder.path("m.toml"), None).unwrap();
     let scene = toml(&format!("[[mesh]]\nfile = \"a.obj\"\n[material.m]\n{table}[environment]\nradiance = 1\n"));
     assert_eq!((surface, brdfs), (scene.materials[0].surface.clone(), vec![]));
 
@@ -189,7 +190,7 @@ fn every_shipped_material_loads() {
     let mut kinds = Vec::new();
     for entry in fs::read_dir(folder).unwrap() {
         let path = entry.unwrap().path();
-        let (surface, brdfs) = Surface::load(&path, None).unwrap_or_else(|error| panic!("{error}"));
+        let (surface, brdfs, _) = Surface::load(&path, None).unwrap_or_else(|error| panic!("{error}"));
         assert_eq!(matches!(surface, Surface::Measured { .. }), brdfs.len() == 1, "{}", path.display());
         if matches!(surface, Surface::Measured { .. }) {
             let error = Scene::load(&path).map(|_| ()).unwrap_err().to_string();

@@ -43,8 +43,17 @@ pub struct Mitsuba {
     child: Child,
     requests: ChildStdin,
     answers: BufReader<ChildStdout>,
-    // Deleted when it ends.
-    directory: PathBuf,
+    directory: Scratch,
+}
+
+/// A directory of temporary files, which goes with it.
+struct Scratch(PathBuf);
+
+impl Drop for Scratch {
+    fn drop(&mut self) {
+        // It may be gone.
+        let _ = std::fs::remove_dir_all(&self.0);
+    }
 }
 
 impl Mitsuba {
@@ -54,9 +63,10 @@ impl Mitsuba {
         static UNIQUE: AtomicU32 = AtomicU32::new(0);
         let python = std::env::var_os("MITSUBA_PYTHON").ok_or(MitsubaError::Missing)?;
         let unique = UNIQUE.fetch_add(1, Ordering::Relaxed);
-        let directory = std::env::temp_dir().join(format!("neubrdf-mitsuba-{}-{unique}", std::process::id()));
-        let xml = export_mitsuba(scene, max_depth, &directory)?;
-        let script = directory.join("serve.py");
+        let path = std::env::temp_dir().join(format!("neubrdf-mitsuba-{}-{unique}", std::process::id()));
+        let directory = Scratch(path);
+        let xml = export_mitsuba(scene, max_depth, &directory.0)?;
+        let script = directory.0.join("serve.py");
         std::fs::write(&script, include_str!("serve.py"))?;
         let mut child =
             Command::new(&python).arg(&script).arg(&xml).stdin(Stdio::piped()).stdout(Stdio::piped()).spawn()?;
@@ -85,7 +95,7 @@ impl Mitsuba {
 
     /// Renders: beauty and sample counts, no variance. The seconds are those of the render alone, as it sees them.
     pub fn render(&mut self, spp: u32, seed: u32) -> Result<(Picture, Timing), MitsubaError> {
-        let file = self.directory.join("picture.f32");
+        let file = self.directory.0.join("picture.f32");
         let watch = Stopwatch::of(vec![self.child.id()]);
         writeln!(self.requests, "{spp} {seed} {}", file.display())?;
         self.requests.flush()?;
@@ -115,9 +125,8 @@ impl Mitsuba {
 
 impl Drop for Mitsuba {
     fn drop(&mut self) {
-        // It may have ended by itself, and the directory may be gone.
+        // It may have ended by itself.
         let _ = self.child.kill();
         let _ = self.child.wait();
-        let _ = std::fs::remove_dir_all(&self.directory);
     }
 }
