@@ -135,8 +135,9 @@ impl App {
         let transition = |texture| wgpu::TextureTransition { texture, selector: None, state: TextureUses::COPY_DST };
         before.transition_resources(iter::empty(), [&*linear, &*shown].into_iter().map(transition));
         let target = |texture: &wgpu::Texture, format| {
-            // SAFETY: the texture lives as long as this app, and is of this format, for copies to it, in their layout.
-            let raw = unsafe { texture.as_hal::<Vulkan>().map(|texture| HostImage::new(texture.raw_handle())) };
+            let size = [texture.width(), texture.height()];
+            // SAFETY: the texture lives as long as this app, and is of this size and format, for copies to it, in their layout.
+            let raw = unsafe { texture.as_hal::<Vulkan>().map(|texture| HostImage::new(texture.raw_handle(), size)) };
             raw.map(|image| Target::image(image, format)).context("the texture is not on Vulkan")
         };
         let targets = [target(linear, PixelFormat::Rgba32Float)?, target(shown, PixelFormat::Rgba8)?];

@@ -251,7 +251,7 @@ impl Engine {
             self.device.begin_command_buffer(commands, &info)?;
             // The old texels may go; afterwards the words are copied over the picture.
             let [undefined, written] = [vk::ImageLayout::UNDEFINED, vk::ImageLayout::TRANSFER_DST_OPTIMAL];
-            let target = HostImage::new(image).with_layouts(undefined, written);
+            let target = HostImage::new(image, self.swapchain.size).with_layouts(undefined, written);
             let mut recording = Commands::wrap(lent, commands);
             record(&mut recording, target, format)?;
             recording.finish()?;

@@ -764,6 +764,10 @@ typedef struct NeubrdfTarget {
    * How many bytes there are for it.
    */
   uint64_t buffer_bytes;
+  /**
+   * Texels of the image across and down, so that one that is too small for the film is an error; 0 for both if it is large enough for certain.
+   */
+  uint32_t image_size[2];
 } NeubrdfTarget;
 
 /**

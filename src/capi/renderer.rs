@@ -178,6 +178,8 @@ pub struct NeubrdfTarget {
     pub buffer_offset: u64,
     /// How many bytes there are for it.
     pub buffer_bytes: u64,
+    /// Texels of the image across and down, so that one that is too small for the film is an error; 0 for both if it is large enough for certain.
+    pub image_size: [u32; 2],
 }
 
 /// What a frame is to do.
@@ -313,8 +315,9 @@ impl NeubrdfTarget {
         };
         let place = match (self.image != VkImage::null(), self.buffer != VkBuffer::null()) {
             (true, false) => {
+                let size = if self.image_size == [0, 0] { [u32::MAX; 2] } else { self.image_size };
                 // SAFETY: as the caller says.
-                let image = unsafe { HostImage::new(self.image) }.with_origin(self.origin);
+                let image = unsafe { HostImage::new(self.image, size) }.with_origin(self.origin);
                 let none = VkImageLayout::UNDEFINED;
                 Place::Image(match (self.layout_before, self.layout_after) {
                     (before, after) if before == none && after == none => image,
@@ -565,6 +568,7 @@ mod tests {
                     buffer: VkBuffer::from_raw(1),
                     buffer_offset: 0,
                     buffer_bytes: 0,
+                    image_size: [0; 2],
                 };
                 Newer { target, more: 0 }
             });

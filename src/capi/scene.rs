@@ -365,6 +365,9 @@ pub unsafe extern "C" fn neubrdf_scene_add_texture(
     call(|| {
         // SAFETY: as the caller says.
         let (scene, colors) = unsafe { (object(scene, "scene")?, colors(width, height, texels)?) };
+        if let Some(texel) = colors.iter().flatten().find(|number| !f16::from_f32(**number).is_finite()) {
+            return Err(Failure::argument(format!("a texel of {texel}: texels are finite, and at most 65504")));
+        }
         let added = index_of(scene.scene.textures.len())?;
         let half = |[r, g, b]: &[f32; 3]| [*r, *g, *b, 1.0].map(f16::from_f32);
         let texels = colors.iter().map(half).collect();

@@ -27,6 +27,7 @@ pub use z_test::{ZTest, ZTestOptions};
 
 /// What can keep two pictures from being compared.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum Error {
     /// They differ in size.
     #[error("the picture has {}×{} pixels, the reference {}×{}; render both at one size and crop", image[0], image[1], reference[0], reference[1])]

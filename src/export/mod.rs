@@ -134,6 +134,7 @@ pub struct ExportedModel {
 
 /// Why there is no module.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum Error {
     /// Nothing was given.
     #[error("no model to export")]

@@ -70,9 +70,9 @@ impl Commands {
     /// reads, and its own work after it behind compute-shader (and transfer) writes.
     ///
     /// # Safety
-    /// `raw` is a command buffer of this device in the recording state, outside a render pass, on a queue that
-    /// computes, and nobody else records into it before `finish`. Everything recorded outlives its execution. What was
-    /// bound before for compute is bound no more afterwards.
+    /// `raw` is a command buffer of this device in the recording state, outside a render pass, for queues of the family that was
+    /// lent, and nobody else records into it before `finish`. It is submitted once at most. Everything recorded outlives its execution.
+    /// What was bound before for compute is bound no more afterwards.
     pub unsafe fn wrap(device: &Arc<Device>, raw: vk::CommandBuffer) -> Commands {
         Commands::over(device, raw)
     }

@@ -186,7 +186,8 @@ impl Device {
     ///
     /// # Safety
     /// The handles belong together and outlive the result and everything made from it; the device was made with what
-    /// [`requirements`](super::requirements) asks for. Vulkan wants access to a queue to be synchronised: nobody else
+    /// [`requirements`](super::requirements) asks for, and has what [`HostDevice::ray_query`] and [`HostDevice::debug_utils`] say; a pipeline
+    /// cache is used from several threads at once. Vulkan wants access to a queue to be synchronised: nobody else
     /// submits to the queue, if one is given, while [`Device::submit`] (or a call that says it waits) runs.
     pub unsafe fn from_host(host: HostDevice) -> Result<Arc<Device>> {
         let HostDevice { entry, instance, physical_device, device: raw, .. } = host;
@@ -407,9 +408,13 @@ impl Device {
         while let Some((_, object)) = pop_front_if(&mut graveyard.recorded, |next| next <= oldest) {
             graveyard.submitted.push_back((submitted, object));
         }
+        let mut done = Vec::new();
         while let Some((_, object)) = pop_front_if(&mut graveyard.submitted, |number| number <= completed) {
-            self.destroy(object);
+            done.push(object);
         }
+        // A host's allocator may hold a lock of its own that another thread holds while it calls us.
+        drop(graveyard);
+        done.into_iter().for_each(|object| self.destroy(object));
     }
 
     fn destroy(&self, object: Retired) {

@@ -6,23 +6,29 @@ use ash::vk;
 #[derive(Clone, Copy, Debug)]
 pub struct HostImage {
     pub(super) raw: vk::Image,
+    size: [u32; 2],
     pub(super) origin: [u32; 2],
     pub(super) before: vk::ImageLayout,
     pub(super) after: vk::ImageLayout,
 }
 
 impl HostImage {
-    /// A colour image that is in [`TRANSFER_DST_OPTIMAL`](vk::ImageLayout::TRANSFER_DST_OPTIMAL) and stays in it. What
-    /// the host did to it before must be done for [`TRANSFER`](vk::PipelineStageFlags::TRANSFER) writes; what it does to it
+    /// A colour image of so many texels across and down, that is in [`TRANSFER_DST_OPTIMAL`](vk::ImageLayout::TRANSFER_DST_OPTIMAL) and
+    /// stays in it. What the host did to it before must be done for [`TRANSFER`](vk::PipelineStageFlags::TRANSFER) writes; what it does to it
     /// afterwards waits for them.
     ///
     /// # Safety
-    /// The image is of the device that writes it, lives until the commands that write it are done, has one sample a
+    /// The image has that size and is of the device that writes it, lives until the commands that write it are done, has one sample a
     /// texel and the usage `TRANSFER_DST`, is two-dimensional, and of a colour format whose texels are as many bytes as are
     /// written for each; it belongs to the queue's family, or is shared.
-    pub unsafe fn new(raw: vk::Image) -> HostImage {
+    pub unsafe fn new(raw: vk::Image, size: [u32; 2]) -> HostImage {
         let layout = vk::ImageLayout::TRANSFER_DST_OPTIMAL;
-        HostImage { raw, origin: [0, 0], before: layout, after: layout }
+        HostImage { raw, size, origin: [0, 0], before: layout, after: layout }
+    }
+
+    /// Texels across and down from the origin on.
+    pub fn room(&self) -> [u32; 2] {
+        [0, 1].map(|side| self.size[side].saturating_sub(self.origin[side]))
     }
 
     /// The same in other layouts, with the transitions recorded too. `before` is
@@ -55,5 +61,10 @@ impl HostBuffer {
     /// `TRANSFER_DST`, at least `offset + size` bytes, and belongs to the queue's family, or is shared.
     pub unsafe fn new(raw: vk::Buffer, offset: u64, size: u64) -> HostBuffer {
         HostBuffer { raw, offset, size }
+    }
+
+    /// Bytes from the offset on.
+    pub fn size(&self) -> u64 {
+        self.size
     }
 }

@@ -18,6 +18,7 @@ pub use picture::{Crop, Picture, Samples, plane};
 
 /// What can go wrong with a picture file.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum Error {
     /// The operating system said no.
     #[error("{}: {source}", path.display())]

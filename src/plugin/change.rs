@@ -7,7 +7,7 @@ use glam::{Affine3A, Vec3};
 
 use crate::gpu::{HostVertices, Update};
 use crate::render::{Changed, Deformed};
-use crate::scene::{Brdf, Camera, Environment, Flaw, Instance, Material, Scene, Sun, Surface};
+use crate::scene::{Brdf, Camera, Environment, Flaw, Instance, Material, Scene, Sun, Surface, check_brdf};
 
 /// A change of the scene.
 #[derive(Clone, Debug, PartialEq)]
@@ -185,7 +185,8 @@ impl Touched {
                 self.scene.instances |= now.opacity.is_whole() != material.opacity.is_whole();
                 self.scene.materials.push(*index as usize);
             }
-            Change::Brdf { index, .. } => {
+            Change::Brdf { index, brdf } => {
+                check_brdf(brdf)?;
                 let (index, count) = (*index as usize, scene.brdfs.len());
                 if index > count {
                     let part = "index of a BRDF".into();

@@ -51,6 +51,14 @@ pub enum Error {
         /// Those taken.
         taken: u32,
     },
+    /// A target has no room for the film.
+    #[error("a target of {found}: the film needs {needed}")]
+    TargetSize {
+        /// Its room.
+        found: String,
+        /// What is written.
+        needed: String,
+    },
     /// A channel that is not gathered.
     #[error("channel {channel} is not gathered: set Settings::features")]
     NoFeatures {
@@ -75,6 +83,7 @@ impl From<render::Error> for Error {
     fn from(error: render::Error) -> Error {
         match error {
             render::Error::Gpu(error) => Error::Gpu(error),
+            render::Error::Scene(flaw) => Error::Scene(flaw),
             render::Error::Fixed { what } => Error::NewRenderer { what },
             render::Error::HostMesh { mesh, found, expected } => Error::HostMesh { mesh, found, expected },
             error => Error::Render(error),

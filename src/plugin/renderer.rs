@@ -116,6 +116,7 @@ impl Renderer {
     ) -> Result<Renderer, Error> {
         let mut scene = scene;
         scene.check()?;
+        options.reserve.check()?;
         let mut device_only = Vec::new();
         for (index, _) in host_meshes {
             let index = *index as usize;
@@ -205,6 +206,17 @@ impl Renderer {
         staged.inspect_err(|_| before.restore(&mut self.scene))
     }
 
+    /// The scene as these changes would make it: for a new renderer, where [`Renderer::update`] says that it takes one.
+    ///
+    /// # Errors
+    /// A change that makes no sense.
+    pub fn scene_with(&self, changes: &[Change]) -> Result<Scene, Error> {
+        let mut scene = self.scene.clone();
+        let mut before = Before::of(&scene);
+        apply(&mut scene, changes, &mut before)?;
+        Ok(scene)
+    }
+
     /// How the top level over all instances follows changes from now on; at first it is rebuilt each time. The first refit is a
     /// rebuild, of a top level that can be refitted. A host whose instances move far asks for a rebuild now and then.
     pub fn set_top_level(&mut self, by: Update) {
@@ -242,8 +254,12 @@ impl Renderer {
     /// [`Options::pool_paths`] were more than the smaller ones had use for.
     ///
     /// # Errors
-    /// A crop beyond it, out of memory: then it is as large as before.
+    /// A film without pixels, a crop beyond it, out of memory: then it is as large as before.
     pub fn resize(&mut self, width: u32, height: u32) -> Result<(), Error> {
+        if width == 0 || height == 0 {
+            let expected = "at least 1x1: a window that is minimised needs no other";
+            return Err(render::Error::Setting { name: "film", found: format!("{width}x{height}"), expected }.into());
+        }
         let before = std::mem::replace(&mut self.scene.film, crate::scene::Film { width, height });
         let resized = self.resized();
         if resized.is_err() {
@@ -281,7 +297,8 @@ impl Renderer {
     /// Records a frame: what changed, `samples` more samples of every pixel, and the picture's way to the targets. Nothing is
     /// submitted, waited for or allocated. Returns the recording's number, for [`Renderer::complete`].
     ///
-    /// On an error the command buffer is in no state to be submitted.
+    /// On an error the command buffer is in no state to be submitted. A recording that never is takes what it uploads with it, the scene if it is
+    /// the first: then only a new renderer knows where it is.
     ///
     /// # Errors
     /// Too many frames in flight, commands of another device, a target that is too small, a mistake made in the commands before.
@@ -393,7 +410,25 @@ impl Renderer {
                 return Err(Error::Format { channel: channel.name() });
             }
         }
-        Ok(())
+        let [width, height] = self.size();
+        match &target.place {
+            Place::Image(image) => match image.room() {
+                [across, down] if across < width || down < height => Err(Error::TargetSize {
+                    found: format!("{across}x{down} texels"),
+                    needed: format!("{width}x{height}"),
+                }),
+                _ => Ok(()),
+            },
+            Place::Buffer(buffer) => {
+                let needed = self.tracer.film().pixel_count() * u64::from(format.bytes());
+                match buffer.size() < needed {
+                    true => {
+                        Err(Error::TargetSize { found: format!("{} bytes", buffer.size()), needed: needed.to_string() })
+                    }
+                    false => Ok(()),
+                }
+            }
+        }
     }
 
     fn record_target(&self, commands: &mut Commands, target: &Target, samples: u32) {

@@ -7,10 +7,14 @@ use crate::render::settings::Traversal;
 
 /// A render's error.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum Error {
     /// Vulkan refused.
     #[error(transparent)]
     Gpu(#[from] gpu::Error),
+    /// The scene makes no sense.
+    #[error(transparent)]
+    Scene(#[from] crate::scene::Flaw),
     /// A file could not be written.
     #[error(transparent)]
     Image(#[from] crate::image::Error),

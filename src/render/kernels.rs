@@ -141,6 +141,18 @@ impl Features {
         }
     }
 
+    /// Whether the numbers are in their ranges.
+    pub(crate) fn check(&self) -> Result<(), Error> {
+        let wrong = |name, found: u32, expected| Err(Error::Setting { name, found: found.to_string(), expected });
+        if self.families >> Family::ALL.len() != 0 {
+            return wrong("Features::families", self.families, "a bit for each of Family::ALL");
+        }
+        if !(1..=Features::MOST_NEUBRDF_QUEUES).contains(&self.neubrdf_queues) {
+            return wrong("Features::neubrdf_queues", self.neubrdf_queues, "from 1 to MOST_NEUBRDF_QUEUES");
+        }
+        Ok(())
+    }
+
     /// More models than this share queues.
     pub const MOST_NEUBRDF_QUEUES: u32 = 16;
 

@@ -41,8 +41,9 @@ impl Renderer {
     /// Uploads the scene, builds its acceleration structures, the kernels that it needs and a black film.
     ///
     /// # Errors
-    /// Settings out of range, a traversal that the device lacks, out of memory.
+    /// A flaw of the scene, settings out of range, a traversal that the device lacks, out of memory.
     pub fn new(device: &Arc<Device>, scene: &Scene, settings: &Settings, options: &Options) -> Result<Renderer, Error> {
+        scene.check()?;
         let upload = &mut Upload::now(device);
         let tracer = PathTracer::new(upload, &scene.recentred(), &[], settings, options, &Features::NONE)?;
         let crop = tracer.film().crop();

@@ -5,7 +5,7 @@ use glam::Vec3;
 use super::light::BRIGHTEST;
 use super::mesh::LARGEST_COORDINATE;
 use super::{
-    Camera, Environment, Fresnel, Instance, LayerBase, Layered, Material, Mesh, Opacity, Scene, Sun, Surface,
+    Brdf, Camera, Environment, Fresnel, Instance, LayerBase, Layered, Material, Mesh, Opacity, Scene, Sun, Surface,
     TexturePlacement, Woven, Yarn,
 };
 
@@ -39,6 +39,16 @@ fn is_radiance(value: Vec3) -> bool {
 
 fn is_share(value: Vec3) -> bool {
     value.is_finite() && value.min_element() >= 0.0 && value.max_element() <= 1.0
+}
+
+/// A NeuBRDF's indices become places in the device's memory.
+pub(crate) fn check_brdf(brdf: &Brdf) -> Result<(), Flaw> {
+    let Brdf::NeuBrdf(model) = brdf else { return Ok(()) };
+    model.validate().map_err(|flaw| Flaw {
+        part: format!("{} of a NeuBRDF", flaw.field),
+        found: flaw.found,
+        expected: flaw.expected,
+    })
 }
 
 /// What positions are expected to be.
@@ -115,6 +125,7 @@ impl Scene {
             let part = || format!("placement of texture {index} ({})", texture.name);
             ensure(scale.is_finite() && offset.is_finite(), part, format!("{scale} and {offset}"), "finite numbers")?;
         }
+        self.brdfs.iter().try_for_each(|brdf| check_brdf(brdf))?;
         for (index, material) in (0..).zip(&self.materials) {
             self.check_material(index, material)?;
         }

@@ -43,6 +43,7 @@ impl fmt::Display for Place {
 
 /// Why a scene could not be loaded.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum Error {
     /// The system refused a file.
     #[error("{}: cannot be read: {source}{}", file.display(), wanted_by(needed_by))]

@@ -39,6 +39,7 @@ pub use brdf::{
 pub use btf::{Btf, BtfPreview};
 pub use camera::{Camera, Film, Lens};
 pub use check::Flaw;
+pub(crate) use check::check_brdf;
 pub use error::{Error, Place, Warning};
 pub use layered::{LayerBase, Layered};
 pub use light::{EmissiveTriangle, Environment, LightTable, Sun, luminance};

@@ -47,6 +47,7 @@ pub use session::Session;
 
 /// Why a training cannot be done.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum Error {
     /// A number of the plan is out of range.
     #[error("{name}: found {found}, expected {expected}")]

@@ -554,7 +554,7 @@ impl DeviceImage {
     /// As a target whose texels are not needed before, and copied from afterwards.
     pub fn target(&self) -> HostImage {
         // SAFETY: the image was made for copies and is freed when they are done.
-        let image = unsafe { HostImage::new(self.raw) };
+        let image = unsafe { HostImage::new(self.raw, self.size) };
         image.with_layouts(vk::ImageLayout::UNDEFINED, vk::ImageLayout::TRANSFER_SRC_OPTIMAL)
     }
 }

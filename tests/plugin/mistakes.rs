@@ -1,12 +1,17 @@
 //! Mistakes of a host.
 
+use std::sync::Arc;
+
+use ash::vk;
 use glam::{Affine3A, Vec3};
-use neubrdf::gpu::{self};
-use neubrdf::plugin::{Change, Channel, Error, Frame, PixelFormat, Renderer, Target};
-use neubrdf::scene::{Camera, Environment, Instance, Lens, Scene, Sun, Surface};
+use neubrdf::plugin::{Change, Channel, Error, Frame, Options, PixelFormat, Renderer, Target};
+use neubrdf::render::Features;
+use neubrdf::scene::brdf::NeuBrdf;
+use neubrdf::scene::{Brdf, Camera, Environment, Instance, Lens, Scene, Sun, Surface};
 
 use crate::changes::{orbit, uneven_sky};
 use crate::common;
+use crate::common::random_neubrdf::{Shape, random_neubrdf};
 use crate::frames::{expected, frame, options_of, renderer, scene, submit, wait};
 use crate::host::in_lavapipe_hosts;
 
@@ -51,6 +56,17 @@ fn mistakes_are_errors_and_change_nothing() {
         }
         assert_eq!(*renderer.scene(), scene());
         assert_eq!(renderer.samples(), 1);
+        // The new renderer that they ask for.
+        let with_lens = renderer.scene_with(&[Change::Camera(Camera { lens, ..scene().camera })]).unwrap();
+        let mut other = self::renderer(host, &device, with_lens.clone());
+        assert!(frame(host, &device, &mut other, 1).0 == expected(host, &with_lens, 1));
+        assert!(renderer.scene_with(&[Change::Instances(vec![])]).is_err());
+        for reserve in
+            [Features { families: 1 << 31, ..Features::NONE }, Features { neubrdf_queues: 0, ..Features::NONE }]
+        {
+            let error = Renderer::new(&device, scene(), &Options { reserve, ..options_of(host) }).err().unwrap();
+            assert!(error.to_string().contains("Features::"), "{error}");
+        }
 
         // More memory than there is. A film beyond the largest buffer, and one beyond 2³² pixels.
         for [width, height] in [[60000, 60000], [u32::MAX, u32::MAX], [0, 10]] {
@@ -76,11 +92,16 @@ fn mistakes_are_errors_and_change_nothing() {
         let albedo = Target { channel: Channel::Albedo, ..target };
         let error = renderer.record(&mut commands, &Frame::new(1, &[albedo])).unwrap_err();
         assert!(matches!(error, Error::NoFeatures { channel: "albedo" }), "{error}");
-        let error = renderer.record(&mut commands, &Frame::new(1, &[target])).unwrap_err();
-        assert!(matches!(error, Error::Gpu(gpu::Error::Range { .. })), "{error}");
-        assert!(commands.finish().is_err(), "the command buffer is spoilt");
+        let image = host.image([40, 30], vk::Format::R32G32B32A32_SFLOAT);
+        let beyond = Target::image(image.target().with_origin([1, 0]), PixelFormat::Rgba32Float);
+        for (target, needed) in [(target, "19200"), (beyond, "40x30")] {
+            let error = renderer.record(&mut commands, &Frame::new(1, &[target])).unwrap_err();
+            assert!(matches!(&error, Error::TargetSize { needed: found, .. } if found == needed), "{error}");
+        }
+        commands.finish().unwrap();
         // SAFETY: it was not submitted.
         unsafe { host.forget(recording) };
+        host.free_image(image);
         let other = host.lend();
         let recording = host.begin();
         let error = renderer.record(&mut host.wrap(&other, &recording), &nothing).unwrap_err();
@@ -100,7 +121,12 @@ fn a_scene_with_a_flaw_is_refused() {
     in_lavapipe_hosts(|host| {
         let device = host.lend();
         type Spoil = fn(&mut Scene);
-        let flaws: [(&str, Spoil); 6] = [
+        let flaws: [(&str, Spoil); 7] = [
+            ("of a NeuBRDF", |scene| {
+                let model =
+                    NeuBrdf { layers: Vec::new(), ..random_neubrdf(Shape { n_side: 1, codes: 9, ..Shape::FULL }, 1) };
+                scene.brdfs.push(Arc::new(Brdf::NeuBrdf(Box::new(model))));
+            }),
             ("material", |scene| scene.meshes[0].materials = vec![9]),
             ("vertex", |scene| scene.meshes[0].triangles[0][1] = 99),
             ("normals", |scene| scene.meshes[1].normals.truncate(3)),

@@ -72,7 +72,7 @@ fn an_image_may_stay_in_the_host_s_layout() {
         host.transition(&recording, &image, vk::ImageLayout::UNDEFINED, vk::ImageLayout::TRANSFER_DST_OPTIMAL);
         let mut commands = host.wrap(&device, &recording);
         // SAFETY: the image is in the layout, made for copies, and freed below.
-        let place = unsafe { HostImage::new(image.raw) };
+        let place = unsafe { HostImage::new(image.raw, image.size) };
         let targets = [[0, 0], [60, 30]].map(|o| Target::image(place.with_origin(o), PixelFormat::Rgba32Float));
         renderer.record(&mut commands, &Frame { samples: 2, targets: &targets[..1], estimates_error: false }).unwrap();
         // Writes of the host's own choice of order: two copies to one image need a barrier between them, and have it.
