@@ -9,7 +9,7 @@ use neubrdf::scene::glam::Vec3;
 use neubrdf::scene::{Environment, Film};
 
 use crate::common;
-use crate::frames::{Bits, bits, expected, options_of, renderer, scene};
+use crate::frames::{Bits, bits, expected, frame, options_of, renderer, scene};
 use crate::host::{HostMemory, in_lavapipe_hosts};
 
 #[test]
@@ -146,18 +146,9 @@ fn a_large_film_is_developed_to_its_last_pixel() {
         // Nothing but sky.
         scene.camera.target = 2.0 * scene.camera.eye - scene.camera.target;
         let mut renderer = Renderer::new(&device, scene, &options).unwrap();
-        let buffer = host.buffer(2200 * 2000 * 4);
-        let recording = host.begin();
-        let mut commands = host.wrap(&device, &recording);
-        let targets = [Target::buffer(buffer.target(), PixelFormat::Rgba8)];
-        renderer.record(&mut commands, &Frame { samples: 1, targets: &targets, estimates_error: false }).unwrap();
-        commands.finish().unwrap();
-        host.to_host(&recording);
-        host.submit(&recording);
-        host.wait(recording);
-        let pixels = buffer.read();
-        let first = &pixels[..4];
-        assert!(first[0] > 200 && pixels.chunks(4).all(|pixel| pixel == first), "{first:?}");
-        host.free_buffer(buffer);
+        let picture = frame(host, &device, &mut renderer, 1).0;
+        let first = picture[0].map(f32::from_bits);
+        assert_eq!(picture.len(), 2200 * 2000);
+        assert!(first[0] > 0.9 && picture.iter().all(|pixel| pixel.map(f32::from_bits) == first), "{first:?}");
     });
 }
