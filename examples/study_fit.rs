@@ -28,6 +28,9 @@ struct Arguments {
     /// Steps instead of the quality's
     #[arg(long)]
     steps: Option<u32>,
+    /// Neurons of each hidden layer instead of the recipe's
+    #[arg(long)]
+    hidden: Option<usize>,
     /// Where results are kept
     #[arg(long, default_value = "target/study-fit")]
     folder: PathBuf,
@@ -99,6 +102,9 @@ fn row(arguments: &Arguments, truth: &Truth) -> Result<Option<Row>> {
 fn outcome(arguments: &Arguments, truth: &Truth, model: Model, recipe: Recipe) -> Result<Option<Outcome>> {
     let mut plan = Plan::new(model, recipe, arguments.quality, truth.is_isotropic);
     plan.steps = arguments.steps.unwrap_or(plan.steps);
+    if let Some(hidden) = arguments.hidden {
+        plan = Plan { hidden, pruned: hidden, ..plan };
+    }
     let path = arguments.folder.join(format!("{}-{}.json", truth.name, key(&plan)?));
     if arguments.print && !path.exists() {
         eprintln!("{} is left out: there is no {}", truth.name, path.display());

@@ -218,7 +218,7 @@ fn check_pack(driver_name: &str) {
         let models = || pack.materials.iter().map(|(_, member)| member);
         let kernel = NeuBrdfShape::of(models(), Precision::F16).on(&driver.device);
         let evaluation = Evaluation::of(&driver.device, &kernel);
-        let (words, firsts) = pack_neubrdf_models(models(), &kernel);
+        let (words, firsts) = pack_neubrdf_models(models().map(|model| (model, &kernel)));
         let queries = queries(16, 300, 300);
         for (member, first) in models().zip(firsts) {
             let model = first as usize + SamplingLobe::FLOATS;

@@ -8,14 +8,18 @@ use neubrdf::render::{Options, Renderer, Settings};
 
 use crate::cornell::MAX_DEPTH;
 use crate::measure::{Spread, bar, warm_up};
+use crate::sphere::scene_with_network;
+
+/// The scene of the bench `sphere`.
+const BALL: &str = "ball of NeuBRDF";
 
 const SAMPLES: u32 = 16;
 const ROUNDS: usize = 5;
 
 pub fn run() -> Result<()> {
     let device = Instance::new(Validation::Off)?.open(&DeviceChoice::Auto)?;
-    for name in ["cornell", "preview", "neural"] {
-        let mut scene = crate::load(name)?;
+    for name in ["cornell", "preview", "neural", BALL] {
+        let mut scene = if name == BALL { scene_with_network() } else { crate::load(name)? };
         scene.film = crate::film(&device);
         let settings = Settings { max_depth: MAX_DEPTH, features: false, ..Settings::default() };
         let mut renderer = Renderer::new(&device, &scene, &settings, &Options::default())?;

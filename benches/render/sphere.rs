@@ -14,12 +14,21 @@ use crate::random_neubrdf::{Shape, random_neubrdf};
 const ALPHA: f32 = 0.2;
 
 pub fn run() -> Result<()> {
-    let shape = Shape { corner_weights: CornerWeights::Uniform, ..Shape::FULL };
-    let lobe = SamplingLobe { alpha: [[ALPHA; 2]; 2], weight: [[0.5, 0.0]; SamplingLobe::NODES] };
-    let brdf = NeuBrdf { lobe, ..random_neubrdf(shape, 1) };
+    let brdf = network();
     let file = cache_directory()?.join("sphere.json");
     std::fs::write(&file, for_mitsuba(&brdf).to_string())?;
     climb("sphere", &scene(brdf), &file)
+}
+
+fn network() -> NeuBrdf {
+    let shape = Shape { corner_weights: CornerWeights::Uniform, ..Shape::FULL };
+    let lobe = SamplingLobe { alpha: [[ALPHA; 2]; 2], weight: [[0.5, 0.0]; SamplingLobe::NODES] };
+    NeuBrdf { lobe, ..random_neubrdf(shape, 1) }
+}
+
+/// What is rendered here.
+pub fn scene_with_network() -> Scene {
+    scene(network())
 }
 
 /// As benches/mitsuba_neubrdf.py reads it.

@@ -192,7 +192,7 @@ pub fn export(models: &[(String, NeuBrdf)], language: Language, place: Place) ->
     let of_models = || models.iter().map(|(_, model)| model);
     let precision = neubrdf_precision(of_models());
     let shape = NeuBrdfShape::of(of_models(), precision);
-    let (data, firsts) = pack_neubrdf_models(of_models(), &shape);
+    let (data, firsts) = pack_neubrdf_models(of_models().map(|model| (model, &shape)));
     let models: Vec<ExportedModel> = models
         .iter()
         .zip(firsts)

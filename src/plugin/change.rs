@@ -53,7 +53,7 @@ pub enum Change {
         material: Material,
     },
     /// A BRDF, as of a file, in the place of another, or after the last: then a [`Change::Material`] refers to it. Materials that have it are
-    /// prepared. Kernels are built for the largest NeuBRDF of [`Scene::brdfs`], with or without a material that has it.
+    /// prepared. What fits the widest and deepest NeuBRDFs of [`Scene::brdfs`], with or without a material that has them, has a kernel.
     Brdf {
         /// Index into [`Scene::brdfs`], or how many those are.
         index: u32,

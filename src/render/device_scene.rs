@@ -10,7 +10,8 @@ use super::geometry::{Geometry, NextGeometry, Placement};
 use super::kernels::Features;
 use super::layout::{SceneTable, TextureRecord};
 use super::material_record::DeviceMaterials;
-use super::neubrdf_table::{NeuBrdfShape, neubrdfs};
+use super::neubrdf_kernels::NeuBrdfKernels;
+use super::neubrdf_table::neubrdf;
 use super::settings::Traversal;
 use crate::gpu::{Buffer, HostMesh, Tlas, Update, Upload};
 use crate::scene::brdf::Precision;
@@ -24,7 +25,6 @@ pub struct DeviceScene {
     /// Where the kernels find the texture records; 0 for none.
     textures: u64,
     table: Arc<Buffer>,
-    neubrdf_shape: NeuBrdfShape,
     /// The NeuBRDFs' precision was chosen by whoever asked for it, be it exact or not.
     chosen_precision: bool,
     // Held for the texture records' pointers.
@@ -69,8 +69,7 @@ impl DeviceScene {
         precision: Option<Precision>,
     ) -> Result<DeviceScene, Error> {
         let geometry = Geometry::new(upload, (scene, host_meshes), traversal, features.instanced)?;
-        let (materials, neubrdf_shape) = DeviceMaterials::new(upload, &scene.materials, &scene.brdfs, precision)?;
-        let neubrdf_shape = neubrdf_shape.on(upload.device());
+        let materials = DeviceMaterials::new(upload, &scene.materials, &scene.brdfs, precision)?;
         let mut buffers = Vec::new();
         let mut textures = 0;
         if features.textures {
@@ -110,7 +109,6 @@ impl DeviceScene {
             lights,
             textures,
             table,
-            neubrdf_shape,
             chosen_precision: precision.is_some(),
             _buffers: buffers,
         })
@@ -140,18 +138,21 @@ impl DeviceScene {
         if let Some(what) = features.lacks_of(&of_lights.or(&of_sky).or(&of_the_rest)) {
             return Err(Error::Fixed { what });
         }
-        for model in neubrdfs(changed.brdfs.iter().map(|index| &*scene.brdfs[*index])) {
-            if !self.neubrdf_shape.holds(model) {
+        let mut kernels = self.materials.kernels.clone();
+        for &index in &changed.brdfs {
+            let brdf = &scene.brdfs[index];
+            if !kernels.replace(index, brdf) {
                 return Err(Error::Fixed { what: "a NeuBRDF that is wider or deeper, or isotropic".to_owned() });
             }
-            if !self.chosen_precision && !self.neubrdf_shape.is_exact_for(model) {
+            let is_exact = neubrdf(brdf).is_none_or(|model| kernels.shape(index as u32).is_exact_for(model));
+            if !self.chosen_precision && !is_exact {
                 return Err(Error::Fixed { what: "a NeuBRDF in single precision".to_owned() });
             }
         }
         let both = (before, &scene.materials[..]);
         let which = (&changed.materials[..], &changed.brdfs[..]);
-        let materials = match changed.materials.is_empty() {
-            false => Some(self.materials.replaced(upload, both, which, &scene.brdfs, &self.neubrdf_shape)?),
+        let materials = match changed.materials.is_empty() && changed.brdfs.is_empty() {
+            false => Some(self.materials.replaced(upload, both, which, &scene.brdfs, kernels)?),
             true => None,
         };
         let moved = changed.instances || !changed.deformed.is_empty();
@@ -191,9 +192,14 @@ impl DeviceScene {
         self.table.address()
     }
 
-    /// What kernels are to be specialized with: see [`Geometry::specialization`], [`NeuBrdfShape::specialization`].
+    /// What all kernels are to be specialized with besides: see [`Geometry::specialization`].
     pub fn specialization(&self) -> Vec<(u32, u32)> {
-        [&self.geometry.specialization()[..], &self.neubrdf_shape.specialization()].concat()
+        self.geometry.specialization().to_vec()
+    }
+
+    /// The kernels that evaluate NeuBRDFs.
+    pub fn neubrdf_kernels(&self) -> &NeuBrdfKernels {
+        &self.materials.kernels
     }
 
     /// The top-level acceleration structure, for ray query.

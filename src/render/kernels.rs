@@ -7,7 +7,8 @@ use half::f16;
 
 use super::error::Error;
 use super::material_record::{Family, family};
-use super::neubrdf_table::neubrdf_queues;
+use super::neubrdf_kernels::neubrdf_queues;
+use super::neubrdf_table::NeuBrdfShape;
 use super::settings::{Settings, Traversal};
 use crate::gpu::{self, Device, Kernel};
 use crate::scene::{Brdf, LightTable, Material, Scene, Surface};
@@ -244,19 +245,29 @@ pub struct Kernels {
 }
 
 impl Kernels {
-    /// Builds what the scene needs, several at once, with further constants that hang on how the scene was uploaded.
+    /// Builds what the scene needs, several at once, with further constants that hang on how the scene was uploaded; the one that shades NeuBRDFs
+    /// for each of these shapes.
     pub fn build(
         device: &Arc<Device>,
         features: &Features,
         traversal: Traversal,
         settings: &Settings,
         further: &[(u32, u32)],
+        shapes: &[NeuBrdfShape],
     ) -> Result<Kernels, Error> {
         let profile = device.profile();
-        let mut plans = features.kernels(traversal, settings, profile.workgroup_size);
-        for plan in &mut plans {
+        let mut plans = Vec::new();
+        for mut plan in features.kernels(traversal, settings, profile.workgroup_size) {
             plan.specialization.push((32, u32::from(profile.reserves_by_workgroup)));
             plan.specialization.extend(further);
+            let KernelPlan { name, specialization } = &plan;
+            match *name == shade_kernel(Family::NeuBrdf) {
+                true => plans.extend(shapes.iter().map(|shape| KernelPlan {
+                    name,
+                    specialization: [specialization, &shape.specialization()[..]].concat(),
+                })),
+                false => plans.push(plan),
+            }
         }
         let sources = plans
             .iter()
@@ -268,7 +279,7 @@ impl Kernels {
         Ok(Kernels { kernels: Kernel::build_all(device, &sources)?, traversal })
     }
 
-    /// Their names, in the order of [`Features::kernels`].
+    /// Their names, in the order of [`Features::kernels`]; that of a kernel of several shapes is there as often.
     pub fn names(&self) -> Vec<&'static str> {
         self.kernels.iter().map(Kernel::name).collect()
     }
@@ -276,6 +287,11 @@ impl Kernels {
     /// A kernel by name; `None` if the scene has no use for it.
     pub fn get(&self, name: &str) -> Option<&Kernel> {
         self.kernels.iter().find(|kernel| kernel.name() == name)
+    }
+
+    /// The one of a name that was built for that shape, by its place among those shapes.
+    pub fn of_shape(&self, name: &str, shape: usize) -> Option<&Kernel> {
+        self.kernels.iter().filter(|kernel| kernel.name() == name).nth(shape)
     }
 
     /// The kernel that finds first hits.

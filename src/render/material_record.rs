@@ -7,7 +7,8 @@ use glam::Vec2;
 
 use super::brdf_table;
 use super::error::Error;
-use super::neubrdf_table::{NeuBrdfShape, neubrdf_precision, neubrdf_queue, neubrdfs, pack_neubrdf_models};
+use super::neubrdf_kernels::NeuBrdfKernels;
+use super::neubrdf_table::{neubrdf, neubrdf_precision, neubrdfs, pack_neubrdf_models};
 use crate::gpu::{Buffer, Upload};
 use crate::material::{CoatAlbedo, INDEX_MATCH, Prepared, SMOOTH_ALPHA, color, is_alike};
 use crate::scene::brdf::{NeuBrdf, Precision};
@@ -139,13 +140,13 @@ impl MaterialRecord {
     pub const PART_SHIFT: u32 = 8;
 
     /// All of a material but the address of its table.
-    fn new(material: &Material, prepared: &Prepared, brdfs: &[Arc<Brdf>]) -> MaterialRecord {
+    fn new(material: &Material, prepared: &Prepared, brdfs: &[Arc<Brdf>], kernels: &NeuBrdfKernels) -> MaterialRecord {
         let Material { surface, emission, emission_texture, opacity, normal_map, roughness_map, patches, .. } =
             material;
         let color = color(surface);
         let mut flags = family(surface, brdfs) as u32;
         if let Surface::Measured { brdf } = *surface {
-            flags |= neubrdf_queue(brdfs, brdf as usize) << MaterialRecord::PART_SHIFT;
+            flags |= kernels.queue(brdf) << MaterialRecord::PART_SHIFT;
         }
         let mut set = |flag, condition| flags |= if condition { flag } else { 0 };
         set(Self::EMITS, material.is_emissive());
@@ -195,8 +196,8 @@ pub struct MaterialTable {
     /// What materials have in memory of their own: the table of a rough coat, or a sampling lobe and what its BRDF is evaluated
     /// from. Each once, however many materials share it. All NeuBRDFs are one table, so that they can share codebooks.
     pub tables: Vec<Vec<u32>>,
-    /// What kernels that evaluate its NeuBRDFs are to be built for.
-    pub neubrdf_shape: NeuBrdfShape,
+    /// The kernels that evaluate its NeuBRDFs.
+    pub kernels: NeuBrdfKernels,
     /// The records, in the order of the scene's materials, without the addresses of their tables.
     records: Vec<MaterialRecord>,
     /// Which of the tables belongs to each record, and the byte of it at which what the record needs begins, a multiple of 16.
@@ -208,6 +209,8 @@ pub struct MaterialTable {
 pub struct DeviceMaterials {
     /// The records.
     pub buffer: Arc<Buffer>,
+    /// The kernels that evaluate NeuBRDFs.
+    pub kernels: NeuBrdfKernels,
     records: Vec<MaterialRecord>,
     /// As [`MaterialTable::table_of`].
     tables: Vec<Option<(Arc<Buffer>, u64)>>,
@@ -216,40 +219,42 @@ pub struct DeviceMaterials {
 
 impl DeviceMaterials {
     /// Uploads the materials of a scene with these BRDFs, the numbers of NeuBRDFs in that precision, or in half where it loses
-    /// nothing. Returns what kernels that evaluate its NeuBRDFs are built for, too.
+    /// nothing.
     pub fn new(
         upload: &mut Upload,
         materials: &[Material],
         brdfs: &[Arc<Brdf>],
         precision: Option<Precision>,
-    ) -> Result<(DeviceMaterials, NeuBrdfShape), Error> {
+    ) -> Result<DeviceMaterials, Error> {
         let prepared = Prepared::all(materials, brdfs);
-        let lossless = || neubrdf_precision(neubrdfs(brdfs.iter().map(Arc::as_ref)));
-        let packed = MaterialTable::of(materials, &prepared, brdfs, precision.unwrap_or_else(lossless));
+        let lossless = || neubrdf_precision(neubrdfs(brdfs));
+        let precision = precision.unwrap_or_else(lossless);
+        let kernels = NeuBrdfKernels::of(brdfs, precision, upload.is_later()).on(upload.device());
+        let packed = MaterialTable::of(materials, &prepared, brdfs, kernels);
         let tables = packed.tables.iter().map(|table| Ok(upload.buffer("material table", table)?));
         let tables = tables.collect::<Result<Vec<_>, Error>>()?;
         let addresses: Vec<u64> = tables.iter().map(|table| table.address()).collect();
         let records = packed.records(&addresses);
-        let uploaded = DeviceMaterials {
+        Ok(DeviceMaterials {
             buffer: upload.buffer("materials", &records)?,
             records,
             tables: packed.table_of.iter().map(|at| at.map(|(index, byte)| (tables[index].clone(), byte))).collect(),
             prepared,
-        };
-        Ok((uploaded, packed.neubrdf_shape))
+            kernels: packed.kernels,
+        })
     }
 
     /// With the materials of those indices replaced by what the scene has there; `before` are those that were packed. BRDFs of which
-    /// indices are others than they were, too.
+    /// indices are others than they were, too, for which `kernels` have made place.
     pub fn replaced(
         &self,
         upload: &mut Upload,
         (before, now): (&[&Material], &[Material]),
         (changed, changed_brdfs): (&[usize], &[usize]),
         brdfs: &[Arc<Brdf>],
-        shape: &NeuBrdfShape,
+        kernels: NeuBrdfKernels,
     ) -> Result<DeviceMaterials, Error> {
-        let mut next = self.clone();
+        let mut next = DeviceMaterials { kernels, ..self.clone() };
         for (place, &index) in changed.iter().enumerate() {
             let material = &now[index];
             let surface = &material.surface;
@@ -263,13 +268,13 @@ impl DeviceMaterials {
                 (None, Some(twin)) => (self.prepared[twin].clone(), self.tables[twin].clone()),
                 (None, None) => {
                     let prepared = Arc::new(Prepared::of(material, brdfs));
-                    let table = table(surface, &prepared, brdfs, shape);
+                    let table = table(surface, &prepared, brdfs, &next.kernels);
                     let table = table.map(|words| upload.buffer("material table", &words)).transpose()?;
                     (prepared, table.map(|table| (table, 0)))
                 }
             };
             let address = next.tables[index].as_ref().map_or(0, |(table, byte)| table.address() + byte);
-            let record = MaterialRecord::new(&now[index], &next.prepared[index], brdfs);
+            let record = MaterialRecord::new(&now[index], &next.prepared[index], brdfs, &next.kernels);
             next.records[index] = MaterialRecord { table: address, ..record };
         }
         upload.write(&next.buffer, &next.records)?;
@@ -281,28 +286,27 @@ impl DeviceMaterials {
 type TablePlace = (usize, u64);
 
 impl MaterialTable {
-    /// Packs the materials of a scene with these BRDFs; the numbers of NeuBRDFs in that precision.
-    pub fn new(materials: &[Material], brdfs: &[Arc<Brdf>], precision: Precision) -> MaterialTable {
-        MaterialTable::of(materials, &Prepared::all(materials, brdfs), brdfs, precision)
+    /// Packs the materials of a scene with these BRDFs, for kernels of theirs.
+    pub fn new(materials: &[Material], brdfs: &[Arc<Brdf>], kernels: NeuBrdfKernels) -> MaterialTable {
+        MaterialTable::of(materials, &Prepared::all(materials, brdfs), brdfs, kernels)
     }
 
     fn of(
         materials: &[Material],
         prepared: &[Arc<Prepared>],
         brdfs: &[Arc<Brdf>],
-        precision: Precision,
+        kernels: NeuBrdfKernels,
     ) -> MaterialTable {
-        let neubrdf_shape = NeuBrdfShape::of(neubrdfs(brdfs.iter().map(Arc::as_ref)), precision);
-        let mut packed = MaterialTable { tables: Vec::new(), neubrdf_shape, records: Vec::new(), table_of: Vec::new() };
+        let mut packed = MaterialTable { tables: Vec::new(), kernels, records: Vec::new(), table_of: Vec::new() };
         let neubrdf_places = packed.push_neubrdfs(materials, brdfs);
         let mut known: Vec<(Arc<Prepared>, Option<TablePlace>)> = Vec::new();
         for (material, prepared) in materials.iter().zip(prepared) {
-            packed.records.push(MaterialRecord::new(material, prepared, brdfs));
+            packed.records.push(MaterialRecord::new(material, prepared, brdfs, &packed.kernels));
             let position = known.iter().position(|(other, _)| Arc::ptr_eq(other, prepared)).unwrap_or_else(|| {
                 let place = match material.surface {
                     Surface::Measured { brdf } if neubrdf_places.contains_key(&brdf) => Some(neubrdf_places[&brdf]),
                     ref surface => {
-                        table(surface, prepared, brdfs, &neubrdf_shape).map(|table| packed.push_table(table))
+                        table(surface, prepared, brdfs, &packed.kernels).map(|table| packed.push_table(table))
                     }
                 };
                 known.push((prepared.clone(), place));
@@ -322,7 +326,7 @@ impl MaterialTable {
 
     /// Adds the NeuBRDFs of these materials, and tells where each one is.
     fn push_neubrdfs(&mut self, materials: &[Material], brdfs: &[Arc<Brdf>]) -> BTreeMap<u32, TablePlace> {
-        let model = |brdf: u32| if let Brdf::NeuBrdf(model) = &*brdfs[brdf as usize] { Some(&**model) } else { None };
+        let model = |brdf: u32| neubrdf(&brdfs[brdf as usize]);
         let measured =
             |material: &Material| if let Surface::Measured { brdf } = material.surface { Some(brdf) } else { None };
         let models: BTreeMap<u32, &NeuBrdf> =
@@ -330,7 +334,8 @@ impl MaterialTable {
         if models.is_empty() {
             return BTreeMap::new();
         }
-        let (words, firsts) = pack_neubrdf_models(models.values().copied(), &self.neubrdf_shape);
+        let with_shapes = models.iter().map(|(brdf, model)| (*model, self.kernels.shape(*brdf)));
+        let (words, firsts) = pack_neubrdf_models(with_shapes);
         let (table, _) = self.push_table(words);
         models.into_keys().zip(firsts).map(|(brdf, first)| (brdf, (table, 4 * u64::from(first)))).collect()
     }
@@ -355,11 +360,11 @@ fn coat_table(coats: &[CoatAlbedo]) -> Option<Vec<u32>> {
 }
 
 /// What a surface has in memory of its own.
-fn table(surface: &Surface, prepared: &Prepared, brdfs: &[Arc<Brdf>], shape: &NeuBrdfShape) -> Option<Vec<u32>> {
+fn table(surface: &Surface, prepared: &Prepared, brdfs: &[Arc<Brdf>], kernels: &NeuBrdfKernels) -> Option<Vec<u32>> {
     match (surface, prepared) {
         (_, Prepared::Coated { coats, .. }) => coat_table(coats),
         (Surface::Measured { brdf }, Prepared::LobeSampled { lobe, .. }) => {
-            Some(brdf_table::pack(lobe, &brdf_table::brdf(&brdfs[*brdf as usize], shape)))
+            Some(brdf_table::pack(lobe, &brdf_table::brdf(&brdfs[*brdf as usize], kernels.shape(*brdf))))
         }
         (Surface::Layered(layers), Prepared::LobeSampled { lobe, .. }) => {
             Some(brdf_table::pack(lobe, &brdf_table::layered(layers)))

@@ -18,6 +18,7 @@ mod intersector;
 mod kernels;
 mod layout;
 mod material_record;
+mod neubrdf_kernels;
 mod neubrdf_table;
 mod path_tracer;
 mod pool;
@@ -37,6 +38,7 @@ pub use intersector::{Intersector, Query, RAY_STRUCTS, Ray, RayBatch, RayHit};
 pub use kernels::{Features, KernelPlan};
 pub use layout::{FeaturePixel, FilmPixel, SceneTable, WAVEFRONT_STRUCTS};
 pub use material_record::{Family, MATERIAL_STRUCTS, MaterialRecord, MaterialTable, family};
+pub use neubrdf_kernels::NeuBrdfKernels;
 pub use neubrdf_table::{
     NEUBRDF_STRUCTS, NeuBrdfHeader, NeuBrdfPush, NeuBrdfQuery, NeuBrdfShape, NeuBrdfValues, SphereTableRecord,
     neubrdf_precision, pack_neubrdf, pack_neubrdf_models,

@@ -8,7 +8,6 @@ use bytemuck::cast_slice;
 use half::f16;
 
 use super::brdf_table;
-use super::kernels::Features;
 use crate::gpu::Device;
 use crate::scene::Brdf;
 use crate::scene::brdf::{
@@ -140,6 +139,12 @@ impl NeuBrdfShape {
             && one.is_isotropic <= self.is_isotropic
     }
 
+    /// Products of an evaluation.
+    pub(super) fn products(&self) -> u32 {
+        let inputs = 2 * self.resolutions * self.feature_groups + self.surface_groups;
+        16 * self.hidden_groups * (inputs + self.hidden_groups * (self.layers - 2) + 1)
+    }
+
     /// Whether its numbers hold those of that model as they are.
     pub fn is_exact_for(&self, model: &NeuBrdf) -> bool {
         self.precision == Precision::F32 || neubrdf_precision([model]) == Precision::F16
@@ -178,24 +183,14 @@ fn has_frames(model: &NeuBrdf) -> bool {
     model.surface.as_ref().is_some_and(|surface| !surface.frames.is_empty())
 }
 
+/// The NeuBRDF that a BRDF is, if it is one.
+pub fn neubrdf(brdf: &Brdf) -> Option<&NeuBrdf> {
+    if let Brdf::NeuBrdf(model) = brdf { Some(model) } else { None }
+}
+
 /// The NeuBRDFs among the BRDFs of a scene.
-pub fn neubrdfs<'a>(brdfs: impl IntoIterator<Item = &'a Brdf>) -> impl Iterator<Item = &'a NeuBrdf> {
-    brdfs.into_iter().filter_map(|brdf| if let Brdf::NeuBrdf(model) = brdf { Some(&**model) } else { None })
-}
-
-/// How many queues a scene with these BRDFs needs for paths that hit NeuBRDFs, ≥ 1: a model each, unless there are too many.
-pub fn neubrdf_queues(brdfs: &[Arc<Brdf>]) -> u32 {
-    (neubrdfs(brdfs.iter().map(Arc::as_ref)).count() as u32).clamp(1, Features::MOST_NEUBRDF_QUEUES)
-}
-
-/// Which of them takes those that hit BRDF `brdf`; 0 for all that are no NeuBRDF.
-pub fn neubrdf_queue(brdfs: &[Arc<Brdf>], brdf: usize) -> u32 {
-    match *brdfs[brdf] {
-        Brdf::NeuBrdf(_) => {
-            neubrdfs(brdfs[..brdf].iter().map(Arc::as_ref)).count() as u32 % Features::MOST_NEUBRDF_QUEUES
-        }
-        _ => 0,
-    }
+pub fn neubrdfs(brdfs: &[Arc<Brdf>]) -> impl Iterator<Item = &NeuBrdf> {
+    brdfs.iter().filter_map(|brdf| neubrdf(brdf))
 }
 
 /// Half precision where it holds all numbers of these models as they are, as it does where files are made so.
@@ -211,18 +206,17 @@ pub fn neubrdf_precision<'a>(models: impl IntoIterator<Item = &'a NeuBrdf>) -> P
 }
 
 /// Models one after another, each with its lobes before it as `glsl/lib/lobes.glsl` says, and the first word of each: a multiple of
-/// four. The shape holds them. Codebooks and networks that are equal are there once.
+/// four. Its shape holds each. Codebooks and networks that are equal are there once.
 pub fn pack_neubrdf_models<'a>(
-    models: impl IntoIterator<Item = &'a NeuBrdf>,
-    shape: &NeuBrdfShape,
+    models: impl IntoIterator<Item = (&'a NeuBrdf, &'a NeuBrdfShape)>,
 ) -> (Vec<u32>, Vec<u32>) {
-    let models: Vec<&NeuBrdf> = models.into_iter().collect();
-    pack(&models, shape, |model| brdf_table::pack(&model.lobe, &[]))
+    let models: Vec<_> = models.into_iter().collect();
+    pack(&models, |model| brdf_table::pack(&model.lobe, &[]))
 }
 
 /// A model's words, for an address that is a multiple of 16. The shape holds it.
 pub fn pack_neubrdf(model: &NeuBrdf, shape: &NeuBrdfShape) -> Vec<u32> {
-    pack(&[model], shape, |_| Vec::new()).0
+    pack(&[(model, shape)], |_| Vec::new()).0
 }
 
 /// Words of a header, behind which the records of coarser grids stand.
@@ -244,11 +238,11 @@ fn record_at(side: usize) -> usize {
 
 /// Models one after another, each behind some words of its own, multiples of four, and where each begins. Arrays that are used
 /// more than once stand behind all models: distances are counted forward.
-fn pack(models: &[&NeuBrdf], shape: &NeuBrdfShape, before: impl Fn(&NeuBrdf) -> Vec<u32>) -> (Vec<u32>, Vec<u32>) {
+fn pack(models: &[(&NeuBrdf, &NeuBrdfShape)], before: impl Fn(&NeuBrdf) -> Vec<u32>) -> (Vec<u32>, Vec<u32>) {
     // Of each model the codes of its hemispheres, and the layers behind them.
     let arrays: Vec<Vec<Vec<u32>>> = models
         .iter()
-        .map(|model| {
+        .map(|(model, shape)| {
             let codes = |table: &SphereTable| filled_codes(&table.codebook, shape.feature_groups);
             let arrays = model.hemispheres().map(codes).chain([pack_layers(model, shape)]);
             arrays.map(|array| numbers(&array, shape.precision)).collect()
@@ -262,7 +256,7 @@ fn pack(models: &[&NeuBrdf], shape: &NeuBrdfShape, before: impl Fn(&NeuBrdf) -> 
     let mut shared: Vec<&[u32]> = Vec::new();
 
     let (mut words, mut firsts) = (Vec::new(), Vec::new());
-    for (model, arrays) in models.iter().zip(&arrays) {
+    for ((model, shape), arrays) in models.iter().zip(&arrays) {
         firsts.push(words.len() as u32);
         words.append(&mut before(model));
         let header = words.len();

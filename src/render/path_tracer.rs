@@ -12,7 +12,7 @@ use super::material_record::Family;
 use super::pool::{Pool, Queue};
 use super::renderer::Options;
 use super::settings::{Settings, Traversal};
-use crate::gpu::{Commands, Device, HostMesh, Upload};
+use crate::gpu::{Commands, Device, HostMesh, Kernel, Upload};
 use crate::image::Crop;
 use crate::scene::{LightTable, Material, Scene};
 
@@ -92,7 +92,9 @@ impl PathTracer {
         }
         let precision = settings.neubrdf_precision;
         let device_scene = DeviceScene::new(upload, (scene, host_meshes), &lights, &features, traversal, precision)?;
-        let kernels = Kernels::build(&device, &features, traversal, settings, &device_scene.specialization())?;
+        let shapes = device_scene.neubrdf_kernels().shapes();
+        let constants = device_scene.specialization();
+        let kernels = Kernels::build(&device, &features, traversal, settings, &constants, shapes)?;
 
         let groups = device.limits().max_compute_work_group_count[0];
         let dispatchable = groups.saturating_mul(device.profile().workgroup_size);
@@ -296,7 +298,12 @@ impl PathTracer {
                 for family in Family::ALL.into_iter().filter(|family| self.features.has(*family)) {
                     for variant in 0..self.features.queues(family) {
                         let pass = Pass { variant, ..pass };
-                        self.dispatch_queue(commands, shade_kernel(family), Queue::Shade(family, variant), &pass);
+                        let shape = match family {
+                            Family::NeuBrdf => self.scene.neubrdf_kernels().serving(variant),
+                            _ => 0,
+                        };
+                        let kernel = self.kernels.of_shape(shade_kernel(family), shape);
+                        self.dispatch_indirect(commands, kernel, Queue::Shade(family, variant), &pass);
                     }
                 }
             }
@@ -318,8 +325,12 @@ impl PathTracer {
     }
 
     fn dispatch_queue(&self, commands: &mut Commands, kernel: &'static str, queue: Queue, pass: &Pass) {
+        self.dispatch_indirect(commands, self.kernels.get(kernel), queue, pass);
+    }
+
+    fn dispatch_indirect(&self, commands: &mut Commands, kernel: Option<&Kernel>, queue: Queue, pass: &Pass) {
         let (counters, offset) = self.pool.counter(pass.bounce, queue);
-        if let Some(kernel) = self.kernels.get(kernel) {
+        if let Some(kernel) = kernel {
             commands.dispatch_indirect(kernel, counters, offset, pass);
         }
     }

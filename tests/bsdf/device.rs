@@ -11,7 +11,7 @@ use std::sync::Arc;
 use glam::{DVec3, Vec2, Vec3};
 use neubrdf::gpu::{Buffer, Device, Kernel, spirv};
 use neubrdf::material::{self, Bsdf, BsdfSample, Prepared};
-use neubrdf::render::{Family, MaterialTable, family};
+use neubrdf::render::{Family, MaterialTable, NeuBrdfKernels, family};
 use neubrdf::scene::brdf::Precision;
 use neubrdf::scene::{Brdf, Material, Surface};
 use rayon::prelude::*;
@@ -59,13 +59,13 @@ impl Shader {
     /// The same with a kernel that may have been built before.
     fn with(kernels: &mut Kernels, device: &Arc<Device>, materials: &[Material], brdfs: &[Arc<Brdf>]) -> Shader {
         let kernel_name = format!("test_bsdf_{}", family(&materials[0].surface, brdfs).name());
-        let packed = MaterialTable::new(materials, brdfs, Precision::F32);
+        let packed = MaterialTable::new(materials, brdfs, NeuBrdfKernels::one(brdfs, Precision::F32));
         let is_mapped = materials.iter().any(|material| material.roughness_map.is_some());
         let upload = |table: &Vec<u32>| Buffer::with_data(device, "material table", table).unwrap();
         let tables: Vec<Buffer> = packed.tables.iter().map(upload).collect();
         let addresses: Vec<u64> = tables.iter().map(Buffer::address).collect();
         let materials = Buffer::with_data(device, "materials", &packed.records(&addresses)).unwrap();
-        let mut constants = packed.neubrdf_shape.on(device).specialization().to_vec();
+        let mut constants = packed.kernels.shapes()[0].on(device).specialization().to_vec();
         constants.push((17, is_mapped.into()));
         let source = spirv::load(&kernel_name).unwrap();
         let build = || Arc::new(Kernel::new(device, source, &constants).unwrap());

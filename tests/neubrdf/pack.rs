@@ -4,7 +4,7 @@ use std::fs;
 use std::sync::{Arc, LazyLock};
 
 use neubrdf::material::Evaluate;
-use neubrdf::render::{MaterialTable, NeuBrdfShape, pack_neubrdf_models};
+use neubrdf::render::{MaterialTable, NeuBrdfKernels, NeuBrdfShape, pack_neubrdf_models};
 use neubrdf::scene::brdf::{NeuBrdf, NeuBrdfPack, Precision};
 use neubrdf::scene::{Brdf, Material, Surface};
 use proptest::prelude::*;
@@ -66,7 +66,7 @@ fn a_scene_holds_a_codebook_once() {
     let alone: Vec<NeuBrdf> = (0..8).map(|seed| random_neubrdf(shape, seed)).collect();
     let bytes = |models: &[&NeuBrdf]| {
         let kernel = NeuBrdfShape::of(models.iter().copied(), Precision::F16);
-        4 * pack_neubrdf_models(models.iter().copied(), &kernel).0.len()
+        4 * pack_neubrdf_models(models.iter().map(|model| (*model, &kernel))).0.len()
     };
     let codebooks = 2 * 256 * 16 * 2;
     let (shared, own) = (bytes(&members), bytes(&alone.iter().collect::<Vec<_>>()));
@@ -79,8 +79,40 @@ fn a_scene_holds_a_codebook_once() {
     let brdfs: Vec<Arc<Brdf>> = members.iter().map(|m| Arc::new(Brdf::NeuBrdf(Box::new((*m).clone())))).collect();
     let material = |brdf| Material::new("", Surface::Measured { brdf });
     let materials: Vec<Material> = (0..8).map(material).collect();
-    let table = MaterialTable::new(&materials, &brdfs, Precision::F16);
+    let table = MaterialTable::new(&materials, &brdfs, NeuBrdfKernels::of(&brdfs, Precision::F16, false));
     assert_eq!(table.tables.iter().map(|table| 4 * table.len()).collect::<Vec<_>>(), [shared]);
+}
+
+/// Each model of a scene has a kernel of its own shape; where BRDFs may become others, there is one for whatever fits all of them together.
+#[test]
+fn a_kernel_is_no_wider_than_its_models() {
+    let narrow = Shape { n_side: 4, hidden: &[16, 16, 16], ..SMALL };
+    let flat = Shape { hidden: &[24, 24], is_isotropic: true, ..narrow };
+    let model = |shape, seed| Arc::new(Brdf::NeuBrdf(Box::new(random_neubrdf(shape, seed))));
+    let of = |brdf: &Arc<Brdf>| match &**brdf {
+        Brdf::NeuBrdf(model) => NeuBrdfShape::of([&**model], Precision::F16),
+        _ => panic!("another kind"),
+    };
+    let brdfs = [model(narrow, 1), model(flat, 2), model(narrow, 3)];
+    let kernels = NeuBrdfKernels::of(&brdfs, Precision::F16, false);
+    assert_eq!(kernels.shapes(), [of(&brdfs[0]), of(&brdfs[1])]);
+    assert_eq!([0, 1, 2].map(|brdf| kernels.queue(brdf)), [0, 1, 2]);
+    assert_eq!([0, 1, 2].map(|queue| kernels.serving(queue)), [0, 1, 0]);
+
+    let both = model(Shape { hidden: &[24, 24, 24], is_isotropic: true, ..narrow }, 4);
+    let Brdf::NeuBrdf(both_model) = &*both else { panic!("another kind") };
+    assert!(!kernels.clone().replace(0, &both), "no kernel is so wide and so deep");
+    let mut changing = NeuBrdfKernels::of(&brdfs, Precision::F16, true);
+    assert!(changing.shapes().len() == 3 && changing.shapes()[2].holds(both_model));
+    assert!(changing.replace(0, &both) && changing.serving(0) == 2);
+    assert!(changing.replace(0, &brdfs[1]) && changing.serving(0) == 1, "the narrowest that holds it");
+    assert!(changing.replace(3, &brdfs[0]) && changing.queue(3) == 3 && changing.serving(3) == 0);
+
+    // More models than queues: one kernel for all.
+    let many: Vec<_> = (0..17).map(|seed| model(if seed < 9 { narrow } else { flat }, seed)).collect();
+    let kernels = NeuBrdfKernels::of(&many, Precision::F16, false);
+    assert_eq!(kernels.shapes().len(), 1);
+    assert_eq!((kernels.queue(16), kernels.serving(15)), (0, 0));
 }
 
 #[test]

@@ -359,24 +359,28 @@ fn patches_may_come_and_go() {
     });
 }
 
-/// A scene whose ball and floor have NeuBRDFs, and others to come.
+/// A scene whose ball and floor have NeuBRDFs of two widths, each with a kernel of its own, and others to come.
 #[test]
 fn brdfs_of_files_may_come_while_it_renders() {
     in_lavapipe_hosts(|host| {
         let device = host.lend();
         let small = Shape { n_side: 4, features: 4, codes: 60, hidden: &[12, 16, 12], ..Shape::FULL };
+        let wide = Shape { hidden: &[20, 16, 24], is_isotropic: true, ..small };
         let model = |shape, seed| Arc::new(Brdf::NeuBrdf(Box::new(random_neubrdf(shape, seed))));
         let mut now = scene();
-        now.brdfs = vec![model(small, 1), model(small, 2)];
+        now.brdfs = vec![model(small, 1), model(wide, 2)];
         now.materials[0].surface = Surface::Measured { brdf: 0 };
         now.materials[1].surface = Surface::Measured { brdf: 1 };
         let reserve = Features { neubrdf_queues: 3, ..Features::NONE };
         let mut renderer = Renderer::new(&device, now.clone(), &Options { reserve, ..options_of(host) }).unwrap();
         frame(host, &device, &mut renderer, 1);
 
-        now.brdfs[0] = model(small, 3);
-        renderer.update(&[Change::Brdf { index: 0, brdf: now.brdfs[0].clone() }]).unwrap();
-        assert!(frame(host, &device, &mut renderer, 2).0 == expected(host, &now, 2), "in the place of another");
+        for (shape, seed, place) in [(small, 3, "one as wide"), (wide, 6, "a narrower one"), (small, 7, "a wider one")]
+        {
+            now.brdfs[0] = model(shape, seed);
+            renderer.update(&[Change::Brdf { index: 0, brdf: now.brdfs[0].clone() }]).unwrap();
+            assert!(frame(host, &device, &mut renderer, 2).0 == expected(host, &now, 2), "in the place of {place}");
+        }
 
         now.brdfs.push(model(small, 4));
         now.materials[1].surface = Surface::Measured { brdf: 2 };
@@ -385,9 +389,9 @@ fn brdfs_of_files_may_come_while_it_renders() {
         renderer.update(&added).unwrap();
         assert!(frame(host, &device, &mut renderer, 2).0 == expected(host, &now, 2), "after the last");
 
-        let wide = Shape { hidden: &[32, 16, 12], ..small };
+        let wider = Shape { hidden: &[32, 16, 12], ..small };
         for (index, brdf, says) in
-            [(0, model(wide, 5), "wider"), (3, model(small, 5), "so many"), (7, model(small, 5), "at most 3")]
+            [(0, model(wider, 5), "wider"), (3, model(small, 5), "so many"), (7, model(small, 5), "at most 3")]
         {
             let error = renderer.update(&[Change::Brdf { index, brdf }]).unwrap_err();
             assert!(error.to_string().contains(says), "{says}: {error}");
