@@ -624,10 +624,11 @@ fn only_scenes_with_holes_and_maps_look_for_them() {
         (features(&|material| material.opacity.value = 0.5), Some(15)),
         (features(&|material| material.normal_map = Some(0)), Some(16)),
         (features(&|material| material.roughness_map = Some(0)), Some(17)),
+        (features(&|material| material.anisotropy_direction_map = Some(0)), Some(37)),
         (features(&|material| material.emission_texture = material.is_emissive().then_some(0)), Some(18)),
         (features(&|material| material.patches = (!material.is_emissive()).then_some(patches)), Some(19)),
     ] {
-        let constants = [15, 16, 17, 18, 19].map(|id| (id, u32::from(on == Some(id))));
+        let constants = [15, 16, 17, 18, 19, 37].map(|id| (id, u32::from(on == Some(id))));
         let plans = features.kernels(Traversal::RayQuery, &settings(), 64);
         let has = |constant: &(u32, u32)| plans.iter().all(|plan| plan.specialization.contains(constant));
         assert!(constants.iter().all(has), "{constants:?}");

@@ -67,7 +67,7 @@ struct MaterialRecord {
     uint emission_texture; // index of a texture that multiplies `emission`, or NO_TEXTURE
     uint patch_map;        // index of a texture, or NO_TEXTURE: where its red is at least a half,
     uint patch_material;   // this material stands instead
-    uint padding;
+    uint anisotropy_direction_map; // index of a texture of cos 2ψ and sin 2ψ, or NO_TEXTURE: the tangent turns by ψ, from u towards v
 };
 
 uint material_family(uint flags) {

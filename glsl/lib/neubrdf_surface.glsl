@@ -7,6 +7,7 @@
 #ifndef LIB_NEUBRDF_SURFACE_GLSL
 #define LIB_NEUBRDF_SURFACE_GLSL
 
+#include "lib/half_angle.glsl"
 #include "lib/hemisphere.glsl"
 
 // What is looked at.
@@ -23,9 +24,6 @@ struct NeuBrdfFrame {
     vec3 normal;
     vec2 doubled;    // (cos 2ψ, sin 2ψ)
 };
-
-// Directions that cancel to less than this have none.
-const float NEUBRDF_LEAST_DIRECTION = 1e-3;
 
 // Lowest cosine that light is divided by.
 const float NEUBRDF_LEAST_COSINE = 0.1;
@@ -90,11 +88,7 @@ mat3 neubrdf_axes(NeuBrdfFrame frame) {
     vec3 normal = normalize(frame.normal);
     vec3 across = vec3(0.0, normal.z, -normal.y) / length(normal.yz);
     vec3 along = cross(across, normal);
-    float size = length(frame.doubled);
-    vec2 doubled = size < NEUBRDF_LEAST_DIRECTION ? vec2(1.0, 0.0) : frame.doubled / size;
-    // Half the angle, by the one of two formulas in which nothing cancels.
-    vec2 turn = normalize(doubled.x >= 0.0 ? vec2(1.0 + doubled.x, doubled.y) : vec2(abs(doubled.y), 1.0 - doubled.x));
-    turn.y = doubled.x < 0.0 && doubled.y < 0.0 ? -turn.y : turn.y;
+    vec2 turn = half_angle(frame.doubled);
     return mat3(turn.x * along + turn.y * across, turn.x * across - turn.y * along, normal);
 }
 

@@ -6,6 +6,7 @@
 
 #include "layout/scene.glsl"
 #include "lib/frame.glsl"
+#include "lib/half_angle.glsl"
 #include "lib/offset.glsl"
 #include "lib/patches.glsl"
 #include "lib/texture.glsl"
@@ -13,6 +14,9 @@
 
 // Some material has a map of normals.
 layout(constant_id = 16) const bool HAS_NORMAL_MAPS = false;
+
+// Some material has a map of the direction of its anisotropy.
+layout(constant_id = 37) const bool HAS_ANISOTROPY_DIRECTION_MAPS = false;
 
 struct Surface {
     vec3 position;            // world space
@@ -37,15 +41,28 @@ vec3 absolute_transform(mat4x3 m, vec3 p) {
     return abs(m[0]) * p.x + abs(m[1]) * p.y + abs(m[2]) * p.z;
 }
 
+// Along dp/du and, on the side of dp/dv, at right angles to it about a normal. False, and nothing is told, without a dp/du.
+bool along_uv(vec3 normal, vec3 dpdu, vec3 dpdv, out vec3 along_u, out vec3 along_v) {
+    vec3 across = dpdu - normal * dot(normal, dpdu);
+    along_u = normalize(across);
+    along_v = cross(normal, along_u);
+    along_v = dot(along_v, dpdv) < 0.0 ? -along_v : along_v;
+    return dot(across, across) > 1e-10 * dot(dpdu, dpdu);
+}
+
+// What dp/du turns into by a map of directions: `turned_dpdu` of src/material/frame.rs.
+vec3 turned_dpdu(vec2 doubled, vec3 normal, vec3 dpdu, vec3 dpdv) {
+    vec3 along_u, along_v;
+    vec2 turn = half_angle(doubled);
+    return along_uv(normal, dpdu, dpdv, along_u, along_v) ? turn.x * along_u + turn.y * along_v : dpdu;
+}
+
 // What a normal map says of a shading normal: `mapped_normal` of src/material/frame.rs.
 vec3 mapped_normal(vec3 texel, vec3 normal, vec3 dpdu, vec3 dpdv) {
-    vec3 across = dpdu - normal * dot(normal, dpdu);
-    if (!(dot(across, across) > 1e-10 * dot(dpdu, dpdu))) {
+    vec3 along_u, along_v;
+    if (!along_uv(normal, dpdu, dpdv, along_u, along_v)) {
         return normal;
     }
-    vec3 along_u = normalize(across);
-    vec3 along_v = cross(normal, along_u);
-    along_v = dot(along_v, dpdv) < 0.0 ? -along_v : along_v;
     vec3 local = 2.0 * texel - 1.0;
     // What a map has below the surface leans as far as can be.
     local.z = max(local.z, 0.05);
@@ -129,6 +146,12 @@ Surface surface_at(SceneTable scene, Hit hit, vec3 origin, vec3 direction, bool 
         uint map = scene.materials.at[surface.material].normal_map;
         if (map != NO_TEXTURE) {
             shading = mapped_normal(texture_normal(scene.textures.at[map], surface.uv), normalize_or(shading, surface.front), dpdu, dpdv);
+        }
+    }
+    if (HAS_ANISOTROPY_DIRECTION_MAPS) {
+        uint map = scene.materials.at[surface.material].anisotropy_direction_map;
+        if (map != NO_TEXTURE) {
+            dpdu = turned_dpdu(texture_doubled_angle(scene.textures.at[map], surface.uv), normalize_or(shading, surface.front), dpdu, dpdv);
         }
     }
     surface.frame = frame_make(-direction, geometric, shading, dpdu, opaque);

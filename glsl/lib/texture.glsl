@@ -35,6 +35,12 @@ vec3 texture_normal(TextureRecord image, vec2 uv) {
     return vec3(mix(color.xy, 1.0 - color.xy, lessThan(image.scale, vec2(0.0))), color.z);
 }
 
+// The same of directions, as cos 2ψ and sin 2ψ of their angle from the surface's u towards its v, also where it is mirrored.
+vec2 texture_doubled_angle(TextureRecord image, vec2 uv) {
+    vec2 doubled = texture_color(image, uv).xy;
+    return image.scale.x * image.scale.y < 0.0 ? vec2(doubled.x, -doubled.y) : doubled;
+}
+
 // A material's colour, times its texture if it has one.
 vec3 material_color(SceneTable scene, MaterialRecord material, vec2 uv) {
     if (!HAS_TEXTURES || material.texture_index == NO_TEXTURE) {

@@ -218,6 +218,10 @@ typedef enum NeubrdfReserve {
    * More emissive triangles than two, of which a tree picks the samples. Without it they are picked by power however many there come to be.
    */
   NEUBRDF_RESERVE_LIGHT_TREE = 8388608,
+  /**
+   * Maps of the direction of anisotropy.
+   */
+  NEUBRDF_RESERVE_ANISOTROPY_DIRECTION_MAPS = 16777216,
 } NeubrdfReserve;
 
 /**
@@ -549,6 +553,11 @@ typedef struct NeubrdfMaterial {
    * The index of the material whose surface it is, where `surface` says so.
    */
   uint32_t surface_of;
+  /**
+   * 1 + the index of a texture of the direction about the normal that "along u" turns into, by the angle ψ from u towards v: cos 2ψ in red and
+   * sin 2ψ in green, of which what lies between texels can be told; 0 for none. Of conductors, and surfaces of files.
+   */
+  uint32_t anisotropy_direction_map;
 } NeubrdfMaterial;
 
 /**

@@ -91,6 +91,8 @@ pub enum NeubrdfReserve {
     Patches = 4194304,
     /// More emissive triangles than two, of which a tree picks the samples. Without it they are picked by power however many there come to be.
     LightTree = 8388608,
+    /// Maps of the direction of anisotropy.
+    AnisotropyDirectionMaps = 16777216,
 }
 
 /// What a host may choose; all of it may be 0.
@@ -266,7 +268,7 @@ impl NeubrdfOptions {
             (NeubrdfReserve::Sparse, Family::Sparse),
         ];
         let has = |bit: NeubrdfReserve| self.reserve & bit as u32 != 0;
-        let all = 2 * NeubrdfReserve::LightTree as u32 - 1;
+        let all = 2 * NeubrdfReserve::AnisotropyDirectionMaps as u32 - 1;
         if self.reserve & !all != 0 {
             return Err(Failure::argument(format!(
                 "NeubrdfOptions.reserve is {:#x}: bits of NeubrdfReserve",
@@ -289,6 +291,7 @@ impl NeubrdfOptions {
             normal_maps: has(NeubrdfReserve::NormalMaps),
             roughness_maps: has(NeubrdfReserve::RoughnessMaps),
             emission_maps: has(NeubrdfReserve::EmissionMaps),
+            anisotropy_direction_maps: has(NeubrdfReserve::AnisotropyDirectionMaps),
             patches: has(NeubrdfReserve::Patches),
             neubrdf_queues: self.neubrdf_count.clamp(1, Features::MOST_NEUBRDF_QUEUES),
         })

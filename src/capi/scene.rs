@@ -123,6 +123,9 @@ pub struct NeubrdfMaterial {
     pub patch_material: u32,
     /// The index of the material whose surface it is, where `surface` says so.
     pub surface_of: u32,
+    /// 1 + the index of a texture of the direction about the normal that "along u" turns into, by the angle ψ from u towards v: cos 2ψ in red and
+    /// sin 2ψ in green, of which what lies between texels can be told; 0 for none. Of conductors, and surfaces of files.
+    pub anisotropy_direction_map: u32,
 }
 
 sized_structs! { NeubrdfCamera: 52, NeubrdfMesh: 56, NeubrdfMaterial: 76 }
@@ -230,6 +233,7 @@ impl NeubrdfMaterial {
             opacity,
             normal_map: self.normal_map.checked_sub(1),
             roughness_map: self.roughness_map.checked_sub(1),
+            anisotropy_direction_map: self.anisotropy_direction_map.checked_sub(1),
             patches: self.patch_map.checked_sub(1).map(|map| Patches { map, material: self.patch_material }),
         })
     }

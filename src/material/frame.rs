@@ -2,6 +2,9 @@
 
 use glam::{DMat3, DVec2, DVec3};
 
+use super::surface_frame::half_angle;
+use crate::scene::brdf::SurfaceFrame;
+
 /// A right-handed orthonormal frame in world space, and the geometric normal that it was built about.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Frame {
@@ -91,6 +94,19 @@ pub fn mapped_normal(texel: DVec3, normal: DVec3, [dpdu, dpdv]: [DVec3; 2]) -> D
     let along_v = if across.dot(dpdv) < 0.0 { -across } else { across };
     let local = map_vector(texel);
     (local.x * along_u + local.y * along_v + local.z * normal).normalize()
+}
+
+/// What dp/du turns into about a unit normal by a map of directions: `doubled` is (cos 2ψ, sin 2ψ), interpolated, of the angle ψ from dp/du to what is at
+/// right angles to it on the side of dp/dv. Where directions cancel, and without a dp/du, it stays.
+pub fn turned_dpdu(doubled: DVec2, normal: DVec3, [dpdu, dpdv]: [DVec3; 2]) -> DVec3 {
+    let Some(along_u) = dpdu.reject_from(normal).try_normalize() else { return dpdu };
+    if doubled.length() < SurfaceFrame::LEAST_DIRECTION {
+        return dpdu;
+    }
+    let across = normal.cross(along_u);
+    let along_v = if across.dot(dpdv) < 0.0 { -across } else { across };
+    let half = half_angle(doubled);
+    half.x * along_u + half.y * along_v
 }
 
 /// The unit vector of a normal map's texel.

@@ -42,7 +42,7 @@ pub use conductor::{Conductor, Reflectance};
 pub use dielectric::Dielectric;
 pub use diffuse::Diffuse;
 pub use footprint::{Cone, uv_density};
-pub use frame::{Frame, mapped_normal, orthonormal_basis, triangle_derivatives};
+pub use frame::{Frame, mapped_normal, orthonormal_basis, triangle_derivatives, turned_dpdu};
 pub use fresnel::{fresnel_complex, fresnel_dielectric, fresnel_dielectric_average, fresnel_schlick};
 pub use ggx::Ggx;
 pub use layered::LayeredWalk;

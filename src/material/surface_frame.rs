@@ -13,10 +13,7 @@ impl SurfaceFrame {
     pub fn axes(&self) -> DMat3 {
         let across = self.normal.cross(DVec3::X).normalize();
         let along = across.cross(self.normal);
-        let DVec2 { x: cos, y: sin } = self.doubled;
-        // Half the angle, by the one of two formulas in which nothing cancels.
-        let half = if cos >= 0.0 { DVec2::new(1.0 + cos, sin) } else { DVec2::new(sin.abs(), 1.0 - cos) };
-        let half = half.normalize() * DVec2::new(1.0, if sin < 0.0 && cos < 0.0 { -1.0 } else { 1.0 });
+        let half = half_angle(self.doubled);
         DMat3::from_cols(half.x * along + half.y * across, half.x * across - half.y * along, self.normal)
     }
 
@@ -34,6 +31,14 @@ impl SurfaceFrame {
         let turned = [wo, wi].map(|w| to_frame * w);
         turned.iter().all(|w| w.z >= MIN_COSINE).then(|| (turned, self.received(wi)))
     }
+}
+
+/// (cos ψ, sin ψ) of (cos 2ψ, sin 2ψ) or a multiple of it, with ψ in (−90°, 90°].
+pub(super) fn half_angle(doubled: DVec2) -> DVec2 {
+    let DVec2 { x: cos, y: sin } = doubled / doubled.length();
+    // By the one of two formulas in which nothing cancels.
+    let half = if cos >= 0.0 { DVec2::new(1.0 + cos, sin) } else { DVec2::new(sin.abs(), 1.0 - cos) };
+    half.normalize() * DVec2::new(1.0, if sin < 0.0 && cos < 0.0 { -1.0 } else { 1.0 })
 }
 
 #[cfg(test)]

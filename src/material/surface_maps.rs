@@ -4,10 +4,7 @@
 //! reflects of a light is what it receives, cos θ′i about n′, and the renderer multiplies by cos θi about the surface's own normal: so
 //! f = f′(ωo′, ωi′) r(ωi), with r of [`SurfaceFrame::received`]; nothing where a direction is below the frame. It never reflects more than f′ does.
 
-use std::sync::Arc;
-
 use glam::{DVec2, DVec3, Vec2};
-use half::f16;
 
 use super::frame::map_vector;
 use super::{Bsdf, Evaluate, Prepared, color};
@@ -39,10 +36,7 @@ impl VaryingSurface {
         }
         let roughness_map = maps.roughness.as_ref().map(|_| 0);
         let prepared = Prepared::of(&Material { roughness_map, ..Material::new("", surface) }, &[]);
-        let doubled = maps
-            .direction
-            .as_ref()
-            .map(|map| Texture { texels: Arc::new(map.texels.iter().map(doubled).collect()), ..map.clone() });
+        let doubled = maps.direction.clone().map(Texture::of_doubled_angles);
         VaryingSurface { maps, prepared, doubled }
     }
 
@@ -78,15 +72,6 @@ impl VaryingSurface {
         // Between texels directions are shorter than 1.
         SurfaceFrame::average(std::iter::once((1.0, frame)))
     }
-}
-
-/// A texel (d + 1) / 2 as the cosine and sine of twice the angle of d; that of u where there is no direction.
-fn doubled([red, green, ..]: &[f16; 4]) -> [f16; 4] {
-    let d = 2.0 * Vec2::new(red.to_f32(), green.to_f32()) - 1.0;
-    let squared = d.length_squared();
-    let doubled = Vec2::new(d.x * d.x - d.y * d.y, 2.0 * d.x * d.y) / squared;
-    let doubled = if squared < 0.01 { Vec2::X } else { doubled };
-    [doubled.x, doubled.y, 0.0, 1.0].map(f16::from_f32)
 }
 
 /// Points that fill a square about a place: the place alone where the square is a point.

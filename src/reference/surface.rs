@@ -3,7 +3,7 @@
 use glam::{DAffine3, DMat3, DVec2, DVec3, Vec2, Vec3};
 
 use super::embree::Hit;
-use crate::material::{Frame, color, mapped_normal, triangle_derivatives, uv_density};
+use crate::material::{Frame, color, mapped_normal, triangle_derivatives, turned_dpdu, uv_density};
 use crate::scene::{Instance, Scene, Surface};
 
 /// An instance's transform, and what follows from it.
@@ -165,12 +165,17 @@ impl<'a> SurfacePoint<'a> {
             mapped_normal(normal.as_dvec3(), interpolated.normalize_or(geometric), derivatives)
         });
 
+        let tangent = material.anisotropy_direction_map.map_or(derivatives[0], |map| {
+            let doubled = scene.textures[map as usize].sample_doubled_angle(uv.as_vec2());
+            turned_dpdu(doubled.as_dvec2(), shading.normalize_or(geometric), derivatives)
+        });
+
         let wo = -direction;
         let opaque = !matches!(material.surface, Surface::Dielectric { .. });
         Some(SurfacePoint {
             position: placement.point(position),
             error: placement.error_bound(weighted),
-            frame: Frame::new(wo, geometric, shading, derivatives[0], opaque),
+            frame: Frame::new(wo, geometric, shading, tangent, opaque),
             is_front: wo.dot(geometric) > 0.0,
             material_index,
             material,

@@ -75,6 +75,8 @@ features! {
     normal_maps: 16, "maps of normals";
     /// Some material on a mesh has a map of its roughness.
     roughness_maps: 17, "maps of roughness";
+    /// Some material on a mesh has a map of the direction of its anisotropy.
+    anisotropy_direction_maps: 37, "maps of anisotropy";
     /// Some triangle emits by a texture.
     emission_maps: 18, "textures that emit";
     /// Some material on a mesh has patches of another one.
@@ -131,6 +133,7 @@ impl Features {
             holes: used().any(|material| !material.opacity.is_whole()),
             normal_maps: used().any(|material| material.normal_map.is_some()),
             roughness_maps: used().any(|material| material.roughness_map.is_some()),
+            anisotropy_direction_maps: used().any(|material| material.anisotropy_direction_map.is_some()),
             patches: used().any(|material| material.patches.is_some()),
             emission_maps: used().any(|material| material.is_emissive() && material.emission_texture.is_some()),
             footprints: used().any(|material| is_spatial(&material.surface, &scene.brdfs)),

@@ -120,7 +120,7 @@ crate::shared_structs! {
         pub emission_texture: u32,
         pub patch_map: u32,
         pub patch_material: u32,
-        pub padding: u32,
+        pub anisotropy_direction_map: u32,
     }
 }
 
@@ -141,8 +141,17 @@ impl MaterialRecord {
 
     /// All of a material but the address of its table.
     fn new(material: &Material, prepared: &Prepared, brdfs: &[Arc<Brdf>], kernels: &NeuBrdfKernels) -> MaterialRecord {
-        let Material { surface, emission, emission_texture, opacity, normal_map, roughness_map, patches, .. } =
-            material;
+        let Material {
+            surface,
+            emission,
+            emission_texture,
+            opacity,
+            normal_map,
+            roughness_map,
+            anisotropy_direction_map,
+            patches,
+            ..
+        } = material;
         let color = color(surface);
         let mut flags = family(surface, brdfs) as u32;
         if let Surface::Measured { brdf } = *surface {
@@ -185,7 +194,7 @@ impl MaterialRecord {
             emission_texture: emission_texture.unwrap_or(Self::NO_TEXTURE),
             patch_map: patches.map_or(Self::NO_TEXTURE, |patches| patches.map),
             patch_material: patches.map_or(0, |patches| patches.material),
-            padding: 0,
+            anisotropy_direction_map: anisotropy_direction_map.unwrap_or(Self::NO_TEXTURE),
         }
     }
 }

@@ -200,6 +200,13 @@ impl Scene {
             "one that no map of roughness can vary",
             "metal, glass or coated, or without such a map",
         )?;
+        let has_directions = material.anisotropy_direction_map.is_some();
+        ensure(
+            !has_directions || material.surface.takes_anisotropy_direction_map(),
+            || part("surface"),
+            "one that no map of anisotropy can turn",
+            "metal, measured, layered or woven, or without such a map",
+        )?;
         let is_plain = |material: &Material| material.patches.is_none() && !material.is_emissive();
         let stands_in_patches =
             || self.materials.iter().any(|other| other.patches.is_some_and(|p| p.material == index));

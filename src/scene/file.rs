@@ -165,11 +165,21 @@ fn decode_textures(scene: &mut Scene, files: &[TextureFile], warnings: &mut Vec<
     let mut decoded: Vec<Option<Option<u32>>> = vec![None; files.len()];
     let mut images: HashMap<usize, Option<Texture>> = HashMap::new();
     for material in &mut scene.materials {
-        let Material { surface, emission_texture, opacity, normal_map, roughness_map, patches, .. } = material;
+        let Material {
+            surface,
+            emission_texture,
+            opacity,
+            normal_map,
+            roughness_map,
+            anisotropy_direction_map,
+            patches,
+            ..
+        } = material;
         let of_color = surface.color_mut().map(|color| &mut color.texture);
         let mut of_patches = patches.map(|patches| patches.map);
-        let others = [emission_texture, &mut opacity.texture, normal_map, roughness_map, &mut of_patches];
-        for texture in of_color.into_iter().chain(others) {
+        let others = [emission_texture, &mut opacity.texture, &mut of_patches];
+        let maps = [normal_map, roughness_map, anisotropy_direction_map];
+        for texture in of_color.into_iter().chain(others).chain(maps) {
             let Some(index) = texture.map(|index| index as usize) else { continue };
             if decoded[index].is_none() {
                 let file = &files[index];
@@ -208,6 +218,9 @@ fn decode_texture(
         }
         Holds::Opacities => decode::opacity(path, named_by, warnings).map(Some),
         Holds::Normals | Holds::Roughnesses | Holds::Metalness => decode::numbers(path, named_by, warnings).map(Some),
+        Holds::Directions => {
+            decode::numbers(path, named_by, warnings).map(|directions| Some(directions.of_doubled_angles()))
+        }
         Holds::Bumps(height) => match decode::numbers(path, named_by, warnings) {
             Ok(texture) if texture.holds_normals() => Ok(Some(texture)),
             Ok(texture) => {
@@ -345,9 +358,6 @@ const MATERIAL_TYPES: &str =
 /// Changes the materials of a name as a table of the scene file says.
 fn override_material(name: &str, value: &Value, library: &mut Library) -> Result<(), Error> {
     let table = value.table()?;
-    if let Some(map) = table.get(MAPS[2]) {
-        return Err(map.error(MAPS_ARE_LEARNED));
-    }
     let indices: Vec<usize> =
         (0..library.materials.len()).filter(|index| library.materials[*index].name == name).collect();
     if indices.is_empty() {
@@ -370,6 +380,13 @@ fn override_material(name: &str, value: &Value, library: &mut Library) -> Result
         let emission_before = if glows { Vec3::ONE } else { before.emission };
         let surface = surface(&table, &before.surface, library)?;
         let roughness_map = roughness_map(&table, &surface, &before, library)?;
+        let anisotropy_direction_map = match table.get(MAPS[2]) {
+            Some(value) if !surface.takes_anisotropy_direction_map() => {
+                return Err(value.error("no map of anisotropy but on a conductor, measured, layered or woven surface"));
+            }
+            Some(value) => Some(texture(&value, Holds::Directions, library)?),
+            None => None,
+        };
         let is_glass = |surface: &Surface| matches!(surface, Surface::Dielectric { .. });
         // The MTL file's `d` said that one sees through what is glass now.
         let becomes_glass = is_glass(&surface) && !is_glass(&before.surface);
@@ -378,6 +395,7 @@ fn override_material(name: &str, value: &Value, library: &mut Library) -> Result
         library.materials[index] = Material {
             surface,
             roughness_map,
+            anisotropy_direction_map,
             emission: table.get("emission").map_or(Ok(emission_before), |value| color(&value))?,
             emission_texture: glow.or(before.emission_texture),
             emits_both_sides: table
@@ -469,7 +487,7 @@ fn metal_map(table: &Table, index: usize, before: &Material, library: &mut Libra
 
 /// Keys of all surfaces that stand in a scene.
 pub(super) const OF_A_SCENE: [&str; 5] = ["emission", "emission_texture", "emits_both_sides", "opacity", "metal_map"];
-/// Keys of maps: [`super::SurfaceMaps`]. `neubrdf train` reads them all, a scene all but the last.
+/// Keys of maps, in scenes and in what `neubrdf train` learns: [`super::SurfaceMaps`].
 pub(super) const MAPS: [&str; 3] = ["roughness_map", "normal_map", "anisotropy_direction_map"];
 /// What is expected where such a key stands elsewhere.
 pub(super) const MAPS_ARE_LEARNED: &str =

@@ -46,6 +46,7 @@ impl Scene {
                 opacity,
                 normal_map,
                 roughness_map,
+                anisotropy_direction_map,
                 patches,
             } = material;
             put_surface(&mut hasher, surface);
@@ -66,6 +67,10 @@ impl Scene {
             }
             if let Some(texture) = roughness_map {
                 put(&mut hasher, b"roughness map");
+                put(&mut hasher, &[*texture]);
+            }
+            if let Some(texture) = anisotropy_direction_map {
+                put(&mut hasher, b"anisotropy direction map");
                 put(&mut hasher, &[*texture]);
             }
             if let Some(Patches { map, material }) = patches {

@@ -2,6 +2,8 @@
 
 use glam::{Vec2, Vec3};
 
+#[allow(unused_imports)] // named by the documentation
+use super::Texture;
 use super::{Layered, Scene, Woven};
 
 /// A named material.
@@ -25,6 +27,9 @@ pub struct Material {
     /// Index into [`super::Scene::textures`] of the roughness along u (red) and v (green), instead of the surface's own: α is its square. Of a
     /// [`Surface::takes_roughness_map`]; where that has one α, it is the mean of both.
     pub roughness_map: Option<u32>,
+    /// Index into [`super::Scene::textures`] of the direction about the normal that "along u" turns into, as [`Texture::of_doubled_angles`] makes it:
+    /// the cosine and sine of twice its angle, from u towards v. Of a [`Surface::takes_anisotropy_direction_map`].
+    pub anisotropy_direction_map: Option<u32>,
     /// Where another material stands. What emits has no patches.
     pub patches: Option<Patches>,
 }
@@ -140,6 +145,11 @@ impl Surface {
         matches!(self, Surface::Conductor { .. } | Surface::Dielectric { .. } | Surface::Coated { .. })
     }
 
+    /// Whether it may look another way when it is turned about its normal, and a map may turn it.
+    pub fn takes_anisotropy_direction_map(&self) -> bool {
+        matches!(self, Surface::Conductor { .. } | Surface::Measured { .. } | Surface::Layered(_) | Surface::Woven(_))
+    }
+
     /// Index into [`super::Scene::textures`] of the texture that its colour is multiplied by.
     pub fn texture(&self) -> Option<u32> {
         self.color()?.texture
@@ -182,6 +192,7 @@ impl Material {
             opacity: Opacity::WHOLE,
             normal_map: None,
             roughness_map: None,
+            anisotropy_direction_map: None,
             patches: None,
         }
     }
@@ -193,10 +204,10 @@ impl Material {
 
     /// The textures that it looks up: indices into [`super::Scene::textures`].
     pub fn textures(&self) -> impl Iterator<Item = u32> {
-        let Material { emission_texture, opacity, normal_map, roughness_map, patches, .. } = *self;
-        let map = patches.map(|patches| patches.map);
-        [self.surface.texture(), emission_texture, opacity.texture, normal_map, roughness_map, map]
-            .into_iter()
-            .flatten()
+        let Material {
+            emission_texture, opacity, normal_map, roughness_map, anisotropy_direction_map, patches, ..
+        } = *self;
+        let maps = [normal_map, roughness_map, anisotropy_direction_map, patches.map(|patches| patches.map)];
+        [self.surface.texture(), emission_texture, opacity.texture].into_iter().chain(maps).flatten()
     }
 }

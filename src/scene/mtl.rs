@@ -48,6 +48,7 @@ pub(super) enum Holds {
     Opacities,
     Normals,
     Roughnesses,
+    Directions,
     Metalness,
     /// Normals, as most that is called a bump map; or heights, and how far white is above black, in texels.
     Bumps(Height),

@@ -103,4 +103,24 @@ impl Texture {
         let is_mirrored = self.placement.scale.cmplt(Vec2::ZERO);
         Vec2::select(is_mirrored, 1.0 - color.truncate(), color.truncate()).extend(color.z)
     }
+
+    /// The same of what [`Texture::of_doubled_angles`] made: cos 2ψ and sin 2ψ of the surface's u and v, also where it is mirrored.
+    pub fn sample_doubled_angle(&self, uv: Vec2) -> Vec2 {
+        let Vec2 { x: cos, y: sin } = self.sample(uv).truncate();
+        let is_mirrored = self.placement.scale.x * self.placement.scale.y < 0.0;
+        Vec2::new(cos, if is_mirrored { -sin } else { sin })
+    }
+
+    /// A texture of directions d, (d + 1) / 2 in red and green, as the cosine and sine of twice their angle ψ: d and −d are the same, and what lies
+    /// between texels is between them. Where there is no direction it is that of u.
+    pub fn of_doubled_angles(self) -> Texture {
+        let doubled = |[red, green, ..]: &[f16; 4]| {
+            let d = 2.0 * Vec2::new(red.to_f32(), green.to_f32()) - 1.0;
+            let squared = d.length_squared();
+            let doubled = Vec2::new(d.x * d.x - d.y * d.y, 2.0 * d.x * d.y) / squared;
+            let doubled = if squared < 0.01 { Vec2::X } else { doubled };
+            [doubled.x, doubled.y, 0.0, 1.0].map(f16::from_f32)
+        };
+        Texture { texels: Arc::new(self.texels.iter().map(doubled).collect()), ..self }
+    }
 }

@@ -2,13 +2,13 @@
 
 use std::sync::Arc;
 
-use glam::{Affine3A, Quat, Vec3};
+use glam::{Affine3A, Quat, Vec2, Vec3};
 use half::f16;
 use neubrdf::plugin::{Change, Options, Renderer, Update};
 use neubrdf::render::bvh::Bvh;
 use neubrdf::render::{Family, Features, Sampler, Settings};
 use neubrdf::scene::{
-    Brdf, Camera, Color, Environment, Instance, Lens, Material, Mesh, Patches, Scene, Sun, Surface, Texture,
+    Brdf, Camera, Color, Environment, Fresnel, Instance, Lens, Material, Mesh, Patches, Scene, Sun, Surface, Texture,
 };
 
 use crate::common;
@@ -274,7 +274,7 @@ fn holes_may_come_and_go() {
 }
 
 #[test]
-fn maps_of_roughness_and_emission_may_come_and_go() {
+fn maps_of_roughness_direction_and_emission_may_come_and_go() {
     in_lavapipe_hosts(|host| {
         let device = host.lend();
         let mut now = scene();
@@ -285,11 +285,13 @@ fn maps_of_roughness_and_emission_may_come_and_go() {
         let coat = Surface::Coated { albedo, ior: 1.5, alpha: 0.1 };
         let families = 1 << Family::Coated as u32 | 1 << Family::Conductor as u32;
         let none = Features { families, ..Features::NONE };
-        let reserve = Features { roughness_maps: true, emission_maps: true, textures: true, ..none };
+        let maps = Features { roughness_maps: true, anisotropy_direction_maps: true, emission_maps: true, ..none };
+        let reserve = Features { textures: true, ..maps };
         let mut renderer = Renderer::new(&device, now.clone(), &Options { reserve, ..options_of(host) }).unwrap();
         let mut unprepared = Renderer::new(&device, now.clone(), &options_of(host)).unwrap();
         let before = frame(host, &device, &mut renderer, 2).0;
-        let metal = common::conductor(0.5, 0.05);
+        let fresnel = Fresnel::Schlick { f0: Color::constant(Vec3::splat(0.5)) };
+        let metal = Surface::Conductor { fresnel, alpha: Vec2::new(0.05, 0.2) };
         for (index, surface, is_mapped) in [
             (1, coat.clone(), true),
             (1, metal.clone(), true),
@@ -301,6 +303,7 @@ fn maps_of_roughness_and_emission_may_come_and_go() {
             let map = is_mapped.then_some(0);
             let material = &mut now.materials[index];
             material.roughness_map = map.filter(|_| surface.takes_roughness_map());
+            material.anisotropy_direction_map = map.filter(|_| surface.takes_anisotropy_direction_map());
             material.emission_texture = map.filter(|_| material.is_emissive());
             material.surface = surface;
             let change = [Change::Material { index: index as u32, material: material.clone() }];

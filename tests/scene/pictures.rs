@@ -204,6 +204,42 @@ fn maps_of_roughness_load() {
     assert!(diffuse.check().is_err());
 }
 
+/// A map of anisotropy is kept as the cosine and sine of twice its angles, and stands where there is something to turn.
+#[test]
+fn maps_of_anisotropy_load() {
+    let folder = Folder::new(&[("a.obj", &triangles_of(&["a", "b"])), ("a.mtl", "newmtl a\nnewmtl b\n")]);
+    // Along u, v, and half-way; the last one points nowhere.
+    let texels = [[255, 128], [128, 255], [218, 218], [128, 128]];
+    let image = image::RgbImage::from_fn(4, 1, |x, _| {
+        let [red, green] = texels[x as usize];
+        image::Rgb([red, green, 0])
+    });
+    image.save(folder.path("turn.png")).unwrap();
+    let load = |of_scene: &str| {
+        fs::write(folder.path("s.toml"), format!("[[mesh]]\nfile = 'a.obj'\n{of_scene}\n{SKY}")).unwrap();
+        folder.load("s.toml")
+    };
+    let map = "anisotropy_direction_map = 'turn.png'";
+    let (scene, warnings) =
+        load(&format!("[material.a]\ntype = 'conductor'\nmetal = 'gold'\nalpha = [0.1, 0.4]\n{map}")).unwrap();
+    assert!(warnings.is_empty(), "{warnings:?}");
+    assert_eq!([0, 1].map(|i| scene.materials[i].anisotropy_direction_map), [Some(0), None]);
+    let doubled: Vec<[f32; 2]> =
+        scene.textures[0].texels.iter().map(|texel| [texel[0].to_f32(), texel[1].to_f32()]).collect();
+    for (found, expected) in doubled.iter().zip([[1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [1.0, 0.0]]) {
+        assert!(found.iter().zip(expected).all(|(a, b)| (a - b).abs() < 0.02), "{doubled:?}");
+    }
+    let plain = load("[material.a]\ntype = 'conductor'\nmetal = 'gold'\nalpha = [0.1, 0.4]").unwrap().0;
+    assert_ne!(plain.hash(), scene.hash());
+    for of_scene in ["type = 'coated'", "type = 'dielectric'", "albedo = 0.5"] {
+        let error = load(&format!("[material.a]\n{of_scene}\n{map}")).map(|_| ()).unwrap_err().to_string();
+        assert!(error.contains("conductor, measured, layered or woven"), "{error}");
+    }
+    let mut coated = scene.clone();
+    coated.materials[0].surface = Surface::Coated { albedo: Color::constant(Vec3::ONE), ior: 1.5, alpha: 0.1 };
+    assert!(coated.check().unwrap_err().to_string().contains("anisotropy"));
+}
+
 /// Where a texture lies: options of MTL, tables in scene files.
 #[test]
 fn textures_are_placed() {

@@ -7,7 +7,7 @@ use std::path::Path;
 use glam::{DVec2, DVec3, Vec2, Vec3};
 use neubrdf::material::{Bsdf, Evaluate, Ggx, Prepared, TexelSamples, VaryingSurface};
 use neubrdf::scene::brdf::{Footprint, NeuBrdf, SurfaceGrid, SurfaceSamples};
-use neubrdf::scene::{Btf, Color, Fresnel, Scene, Surface, SurfaceMaps, Texture};
+use neubrdf::scene::{Btf, Color, Fresnel, Surface, SurfaceMaps, Texture};
 use neubrdf::train::check::{Check, check};
 use neubrdf::train::measure::{Query, pair_errors_at};
 use neubrdf::train::{Evaluator, GroundTruth, Pair, Plan, Recipe, Session, SurfacePlan, btf_pairs, sample_pairs};
@@ -240,18 +240,10 @@ fn maps_are_read_as_they_are_meant() {
         assert!(error.contains(message), "{error}");
     }
 
-    // Scenes do not render maps of the direction; they say what to do.
-    write(whole);
-    assert!(Surface::load(&path, None).is_err());
-    fs::write(folder.path().join("a.obj"), "v 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl m\nf 1 2 3\n").unwrap();
-    let scene = folder.path().join("scene.toml");
-    fs::write(
-        &scene,
-        format!("[[mesh]]\nfile = \"a.obj\"\n[material.m]\n{whole}anisotropy_direction_map = \"normal.png\"\n"),
-    )
-    .unwrap();
-    let error = Scene::load(&scene).unwrap_err().to_string();
-    assert!(error.contains("anisotropy_direction_map") && error.contains("neubrdf train"), "{error}");
+    // A file of one material has no maps for a scene; it says what to do.
+    write(stretched);
+    let error = Surface::load(&path, None).unwrap_err().to_string();
+    assert!(error.contains("neubrdf train"), "{error}");
 }
 
 /// A stream of numbers in [0, 1).

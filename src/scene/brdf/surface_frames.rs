@@ -22,7 +22,7 @@ impl SurfaceFrame {
     pub const OWN: SurfaceFrame = SurfaceFrame { normal: DVec3::Z, doubled: DVec2::X };
 
     /// Directions that cancel to less than this have no direction left: then it is u's.
-    const LEAST_DIRECTION: f64 = 1e-3;
+    pub(crate) const LEAST_DIRECTION: f64 = 1e-3;
 
     /// The average of frames by their weights, > 0 in sum.
     pub fn average(frames: impl Iterator<Item = (f64, SurfaceFrame)>) -> SurfaceFrame {
