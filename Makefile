@@ -22,7 +22,7 @@ test: install-test
 DEVICE := llvmpipe
 test-device: install-test
 	NEUBRDF_TEST_DEVICE=$(DEVICE) $(CARGO) test $(FEATURES) --test gpu --test traversal --test bsdf --test neubrdf_device \
-		--test render --test truth --test stability --test proof --test normal_map --test roughness_map --test emission_texture \
+		--test render --test truth --test stability --test proof --test normal_map --test roughness_map --test direction_map --test emission_texture \
 		--test opacity --test texture_placement --test patches --test plugin --test plugin_calls --test host_meshes
 
 ## The tests of the plugin that take long: 10,000 frames with changes, and 1,000 renderers made and dropped; under the validation
@@ -36,6 +36,7 @@ soak: install-test
 check: install-test
 	$(CARGO) fmt --check
 	$(CARGO) clippy --all-targets $(FEATURES) -- -D warnings
+	$(CARGO) clippy --no-default-features --locked -- -D warnings
 	RUSTDOCFLAGS="-D warnings" $(CARGO) doc --no-deps $(FEATURES)
 	for module in spirv/*.spv; do spirv-val --target-env vulkan1.2 --scalar-block-layout $$module || exit 1; done
 

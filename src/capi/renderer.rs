@@ -95,6 +95,10 @@ pub enum NeubrdfReserve {
     AnisotropyDirectionMaps = 16777216,
 }
 
+impl NeubrdfReserve {
+    const LAST: NeubrdfReserve = NeubrdfReserve::AnisotropyDirectionMaps;
+}
+
 /// What a host may choose; all of it may be 0.
 #[repr(C)]
 #[derive(Clone, Copy)]
@@ -268,7 +272,7 @@ impl NeubrdfOptions {
             (NeubrdfReserve::Sparse, Family::Sparse),
         ];
         let has = |bit: NeubrdfReserve| self.reserve & bit as u32 != 0;
-        let all = 2 * NeubrdfReserve::AnisotropyDirectionMaps as u32 - 1;
+        let all = 2 * NeubrdfReserve::LAST as u32 - 1;
         if self.reserve & !all != 0 {
             return Err(Failure::argument(format!(
                 "NeubrdfOptions.reserve is {:#x}: bits of NeubrdfReserve",
@@ -610,7 +614,7 @@ mod tests {
             };
             choices.reserved()
         };
-        let last = (NeubrdfReserve::LightTree as u32).ilog2();
+        let last = (NeubrdfReserve::LAST as u32).ilog2();
         for bit in 0..=last {
             assert_ne!(reserved(1 << bit).ok().unwrap(), Features::NONE, "bit {bit}");
         }

@@ -13,6 +13,7 @@ const SOURCES: &[(&str, &str)] = &[
     ("lib/constants.glsl", include_str!("../../glsl/lib/constants.glsl")),
     ("lib/exponential.glsl", include_str!("../../glsl/lib/exponential.glsl")),
     ("lib/ggx.glsl", include_str!("../../glsl/lib/ggx.glsl")),
+    ("lib/half_angle.glsl", include_str!("../../glsl/lib/half_angle.glsl")),
     ("lib/healpix.glsl", include_str!("../../glsl/lib/healpix.glsl")),
     ("lib/hemisphere.glsl", include_str!("../../glsl/lib/hemisphere.glsl")),
     ("lib/lobes.glsl", include_str!("../../glsl/lib/lobes.glsl")),

@@ -6,18 +6,20 @@ use super::Error;
 use crate::scene::brdf::{CornerWeights, NeuBrdf, SphereGrid, SurfaceGrid};
 
 /// What is trained.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
 #[serde(rename_all = "lowercase")]
 pub enum Model {
     /// Features on two hemispheres and a network.
-    #[value(name = "neubrdf")]
+    #[cfg_attr(feature = "cli", value(name = "neubrdf"))]
     NeuBrdf,
     /// A network on half and difference vectors, 6 → 21 → 21 → 3 (Sztrajman et al. 2021): the baseline.
     Nbrdf,
 }
 
 /// How a NeuBRDF is trained.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
 #[serde(rename_all = "lowercase")]
 pub enum Recipe {
     /// What gave the least error for its bytes and time.
@@ -29,7 +31,8 @@ pub enum Recipe {
 }
 
 /// How long.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
 #[serde(rename_all = "lowercase")]
 pub enum Quality {
     /// A look at it.
