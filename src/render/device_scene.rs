@@ -15,7 +15,7 @@ use super::neubrdf_table::neubrdf;
 use super::settings::Traversal;
 use crate::gpu::{Buffer, HostMesh, Tlas, Update, Upload};
 use crate::scene::brdf::Precision;
-use crate::scene::{Instance, LightTable, Material, Scene, Texture, TexturePlacement};
+use crate::scene::{Brdf, Instance, LightTable, Material, Scene, Texture, TexturePlacement};
 
 /// The uploaded scene.
 pub struct DeviceScene {
@@ -138,21 +138,13 @@ impl DeviceScene {
         if let Some(what) = features.lacks_of(&of_lights.or(&of_sky).or(&of_the_rest)) {
             return Err(Error::Fixed { what });
         }
-        let mut kernels = self.materials.kernels.clone();
-        for &index in &changed.brdfs {
-            let brdf = &scene.brdfs[index];
-            if !kernels.replace(index, brdf) {
-                return Err(Error::Fixed { what: "a NeuBRDF that is wider or deeper, or isotropic".to_owned() });
-            }
-            let is_exact = neubrdf(brdf).is_none_or(|model| kernels.shape(index as u32).is_exact_for(model));
-            if !self.chosen_precision && !is_exact {
-                return Err(Error::Fixed { what: "a NeuBRDF in single precision".to_owned() });
-            }
-        }
         let both = (before, &scene.materials[..]);
         let which = (&changed.materials[..], &changed.brdfs[..]);
         let materials = match changed.materials.is_empty() && changed.brdfs.is_empty() {
-            false => Some(self.materials.replaced(upload, both, which, &scene.brdfs, kernels)?),
+            false => {
+                let kernels = self.kernels_for(&changed.brdfs, &scene.brdfs)?;
+                Some(self.materials.replaced(upload, both, which, &scene.brdfs, kernels)?)
+            }
             true => None,
         };
         let moved = changed.instances || !changed.deformed.is_empty();
@@ -176,6 +168,22 @@ impl DeviceScene {
         );
         upload.write(&self.table, &[table])?;
         Ok(NextScene { geometry, materials, lights })
+    }
+
+    /// The kernels that evaluate NeuBRDFs, when the BRDFs of those indices are others.
+    fn kernels_for(&self, changed: &[usize], brdfs: &[Arc<Brdf>]) -> Result<NeuBrdfKernels, Error> {
+        let mut kernels = self.materials.kernels.clone();
+        for &index in changed {
+            let brdf = &brdfs[index];
+            if !kernels.replace(index, brdf) {
+                return Err(Error::Fixed { what: "a NeuBRDF that is wider or deeper, or isotropic".to_owned() });
+            }
+            let is_exact = neubrdf(brdf).is_none_or(|model| kernels.shape(index as u32).is_exact_for(model));
+            if !self.chosen_precision && !is_exact {
+                return Err(Error::Fixed { what: "a NeuBRDF in single precision".to_owned() });
+            }
+        }
+        Ok(kernels)
     }
 
     /// Takes what [`DeviceScene::changed`] made. What it returns is to be kept for as long as work may use it.
