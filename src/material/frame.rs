@@ -88,25 +88,29 @@ pub fn triangle_derivatives(positions: [DVec3; 3], uvs: [DVec2; 3]) -> [DVec3; 2
 
 /// What a normal map says of a shading normal: the texel's x along dp/du, y at right angles to that on the side of dp/dv, z along the unit normal.
 /// A texel that points below the surface leans as far as can be; without a dp/du the normal stays.
-pub fn mapped_normal(texel: DVec3, normal: DVec3, [dpdu, dpdv]: [DVec3; 2]) -> DVec3 {
-    let Some(along_u) = dpdu.reject_from(normal).try_normalize() else { return normal };
-    let across = normal.cross(along_u);
-    let along_v = if across.dot(dpdv) < 0.0 { -across } else { across };
+pub fn mapped_normal(texel: DVec3, normal: DVec3, derivatives: [DVec3; 2]) -> DVec3 {
+    let Some([along_u, along_v]) = along_uv(normal, derivatives) else { return normal };
     let local = map_vector(texel);
     (local.x * along_u + local.y * along_v + local.z * normal).normalize()
 }
 
 /// What dp/du turns into about a unit normal by a map of directions: `doubled` is (cos 2ψ, sin 2ψ), interpolated, of the angle ψ from dp/du to what is at
 /// right angles to it on the side of dp/dv. Where directions cancel, and without a dp/du, it stays.
-pub fn turned_dpdu(doubled: DVec2, normal: DVec3, [dpdu, dpdv]: [DVec3; 2]) -> DVec3 {
-    let Some(along_u) = dpdu.reject_from(normal).try_normalize() else { return dpdu };
-    if doubled.length() < SurfaceFrame::LEAST_DIRECTION {
-        return dpdu;
+pub fn turned_dpdu(doubled: DVec2, normal: DVec3, derivatives: [DVec3; 2]) -> DVec3 {
+    match along_uv(normal, derivatives) {
+        Some([along_u, along_v]) if doubled.length() >= SurfaceFrame::LEAST_DIRECTION => {
+            let half = half_angle(doubled);
+            half.x * along_u + half.y * along_v
+        }
+        _ => derivatives[0],
     }
+}
+
+/// Along dp/du and, on the side of dp/dv, at right angles to it about a unit normal; `None` without a dp/du.
+fn along_uv(normal: DVec3, [dpdu, dpdv]: [DVec3; 2]) -> Option<[DVec3; 2]> {
+    let along_u = dpdu.reject_from(normal).try_normalize()?;
     let across = normal.cross(along_u);
-    let along_v = if across.dot(dpdv) < 0.0 { -across } else { across };
-    let half = half_angle(doubled);
-    half.x * along_u + half.y * along_v
+    Some([along_u, if across.dot(dpdv) < 0.0 { -across } else { across }])
 }
 
 /// The unit vector of a normal map's texel.

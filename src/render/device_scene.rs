@@ -201,8 +201,8 @@ impl DeviceScene {
     }
 
     /// What all kernels are to be specialized with besides: see [`Geometry::specialization`].
-    pub fn specialization(&self) -> Vec<(u32, u32)> {
-        self.geometry.specialization().to_vec()
+    pub fn specialization(&self) -> [(u32, u32); 3] {
+        self.geometry.specialization()
     }
 
     /// The kernels that evaluate NeuBRDFs.

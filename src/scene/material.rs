@@ -2,8 +2,6 @@
 
 use glam::{Vec2, Vec3};
 
-#[allow(unused_imports)] // named by the documentation
-use super::Texture;
 use super::{Layered, Scene, Woven};
 
 /// A named material.
@@ -27,7 +25,7 @@ pub struct Material {
     /// Index into [`super::Scene::textures`] of the roughness along u (red) and v (green), instead of the surface's own: α is its square. Of a
     /// [`Surface::takes_roughness_map`]; where that has one α, it is the mean of both.
     pub roughness_map: Option<u32>,
-    /// Index into [`super::Scene::textures`] of the direction about the normal that "along u" turns into, as [`Texture::of_doubled_angles`] makes it:
+    /// Index into [`super::Scene::textures`] of the direction about the normal that "along u" turns into, as [`super::Texture::of_doubled_angles`] makes it:
     /// the cosine and sine of twice its angle, from u towards v. Of a [`Surface::takes_anisotropy_direction_map`].
     pub anisotropy_direction_map: Option<u32>,
     /// Where another material stands. What emits has no patches.
