@@ -102,13 +102,17 @@ fn wgsl_gives_the_values_of_models_of_all_kinds() {
         // Of these, the average over the texture.
         Shape { surface: Some(([8, 4], 5)), ..small },
         Shape { surface: Some(([4, 4], 3)), has_frames: true, is_isotropic: true, ..small },
+        Shape { sees_half_vector: true, is_isotropic: true, ..small },
+        Shape { sees_half_vector: true, ..small },
     ];
     let models = shapes.map(|shape| random_neubrdf(shape, 5));
-    let [isotropic, rings, pruned, few, free, varying, leaning] = models.each_ref();
+    let [isotropic, rings, pruned, few, free, varying, leaning, seeing, seeing_both] = models.each_ref();
     check(&gpu, &[isotropic, rings, pruned], Precision::F16, [2000, 3000]);
     check(&gpu, &[few], Precision::F16, [2000, 3000]);
     check(&gpu, &[few, free], Precision::F16, [2000, 3000]);
     check(&gpu, &[varying, leaning], Precision::F16, [2000, 3000]);
+    check(&gpu, &[seeing], Precision::F16, [2000, 3000]);
+    check(&gpu, &[seeing_both, pruned], Precision::F16, [2000, 3000]);
     let mut exact = random_neubrdf(small, 7);
     exact.layers[0].weights[0] = 0.1;
     check(&gpu, &[&exact], Precision::F32, [2000, 2000]);

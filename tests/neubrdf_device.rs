@@ -178,6 +178,31 @@ fn models() -> Vec<(&'static str, Shape, usize, usize)> {
             5_000,
             5_000,
         ),
+        (
+            "half vector, anisotropic",
+            Shape { sees_half_vector: true, n_side: 16, resolutions: 3, features: 4, hidden: &[32, 32, 32], ..full },
+            100_000,
+            30_000,
+        ),
+        (
+            "half vector, isotropic, pruned",
+            Shape { sees_half_vector: true, is_isotropic: true, is_pruned: true, n_side: 16, features: 12, ..full },
+            20_000,
+            20_000,
+        ),
+        (
+            "half vector, 5 × 3 texels with frames",
+            Shape {
+                sees_half_vector: true,
+                surface: Some(([5, 3], 3)),
+                has_frames: true,
+                n_side: 8,
+                hidden: &[20],
+                ..full
+            },
+            3_000,
+            3_000,
+        ),
         ("five layers", Shape { features: 8, hidden: &[16, 32, 16, 8], n_side: 8, ..full }, 3_000, 3_000),
     ]
 }

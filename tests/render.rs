@@ -548,6 +548,7 @@ fn checkers(side: u32) -> NeuBrdf {
             indices: (0..grid.point_count() as u32).map(index).collect(),
             frames: SurfaceFrames::default(),
         }),
+        sees_half_vector: false,
         layers: vec![
             Dense { inputs: 3, outputs: 1, weights: vec![0.0, 0.0, 1.0], bias: vec![0.0] },
             Dense { inputs: 1, outputs: 3, weights: vec![1.0; 3], bias: vec![0.0; 3] },

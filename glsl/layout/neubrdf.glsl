@@ -11,6 +11,7 @@ layout(constant_id = 23) const bool NEUBRDF_HALF = false;          // codes, wei
 layout(constant_id = 24) const bool NEUBRDF_ISOTROPIC = true;      // some model is
 layout(constant_id = 31) const uint NEUBRDF_RESOLUTIONS = 1u;      // grids of a hemisphere
 layout(constant_id = 28) const uint NEUBRDF_SURFACE_GROUPS = 0u;   // of four features of a place; 0 where no model varies
+layout(constant_id = 38) const bool NEUBRDF_SEES_HALF_VECTOR = false;   // some model does
 layout(constant_id = 30) const bool NEUBRDF_FRAMES = false;        // places of some model have frames
 
 struct SphereTableRecord {

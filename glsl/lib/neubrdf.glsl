@@ -27,9 +27,10 @@
 #include "lib/exponential.glsl"
 #include "lib/healpix.glsl"
 
-// Features of the place, of wo, and of wi.
+// Features of the place, of wo, and of wi, and what is seen of the half vector.
 const uint NEUBRDF_DIRECTION_GROUPS = NEUBRDF_RESOLUTIONS * NEUBRDF_FEATURE_GROUPS;
-const uint NEUBRDF_INPUT_GROUPS = NEUBRDF_SURFACE_GROUPS + 2u * NEUBRDF_DIRECTION_GROUPS;
+const uint NEUBRDF_FEATURE_END = NEUBRDF_SURFACE_GROUPS + 2u * NEUBRDF_DIRECTION_GROUPS;
+const uint NEUBRDF_INPUT_GROUPS = NEUBRDF_FEATURE_END + (NEUBRDF_SEES_HALF_VECTOR ? 2u : 0u);
 // Of these, what is the same for all directions of light: where some model is isotropic, wo's hang on them.
 const uint NEUBRDF_SHARED_GROUPS = NEUBRDF_SURFACE_GROUPS + (NEUBRDF_ISOTROPIC ? 0u : NEUBRDF_DIRECTION_GROUPS);
 const uint NEUBRDF_GROUPS = NEUBRDF_INPUT_GROUPS > NEUBRDF_HIDDEN_GROUPS ? NEUBRDF_INPUT_GROUPS : NEUBRDF_HIDDEN_GROUPS;
@@ -154,6 +155,16 @@ vec3 neubrdf_turned(vec3 wo, vec3 wi) {
     return vec3(min(largest.x, largest.y) < POLE ? vec2(length(wo.xy), 0.0) : turned / length(wi.xy), wo.z);
 }
 
+// What the network sees of the half vector, from slot `first` on: src/material/half_vector.rs.
+void neubrdf_half_vector(vec3 wo, vec3 wi, uint first, inout vec4 x[NEUBRDF_SLOTS]) {
+    vec3 sum = wo + wi;
+    vec2 half_vector = sum.xy / sqrt(dot(sum, sum) + 1e-4);
+    vec3 sizes = vec3(abs(half_vector), length(half_vector));
+    vec3 bent = sizes / (sizes + 0.05);
+    x[first] = vec4(half_vector, sizes.xy);
+    x[first + 1u] = vec4(bent, sizes.z);
+}
+
 // The BRDF for an output of the network: src/scene/brdf/neubrdf.rs, Encoding.
 vec3 neubrdf_decode(NeuBrdfHeader header, vec3 y) {
     return expm1(clamp(header.scale * y, 0.0, header.most_exponent)) * header.inverse_gain;
@@ -180,6 +191,9 @@ void neubrdf_values(NeuBrdfTable table, NeuBrdfPlace place, vec3 wo, vec3 wi[NEU
         // Where no model is isotropic, wo's are the same for all.
         if (d == 0u || NEUBRDF_ISOTROPIC) {
             neubrdf_features(table, header.wo, 1u, header, wo_turned, first, x);
+        }
+        if (NEUBRDF_SEES_HALF_VECTOR) {
+            neubrdf_half_vector(wo_turned, wi_turned, d * NEUBRDF_GROUPS + NEUBRDF_FEATURE_END, x);
         }
     }
     uint at = neubrdf_first(header.layers);

@@ -142,7 +142,8 @@ fn describe(brdf: &NeuBrdf) -> serde_json::Value {
         })
     });
     serde_json::json!({
-        "wi": table(&brdf.wi), "wo": table(&brdf.wo), "coarser": coarser, "surface": surface, "widths": widths, "corner_weights": brdf.corner_weights,
+        "wi": table(&brdf.wi), "wo": table(&brdf.wo), "coarser": coarser, "surface": surface, "sees_half_vector": brdf.sees_half_vector,
+        "widths": widths, "corner_weights": brdf.corner_weights,
         "encoding": brdf.encoding, "provenance": brdf.provenance,
     })
 }

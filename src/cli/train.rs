@@ -72,6 +72,10 @@ pub struct Arguments {
     /// Most codes of a hemisphere's codebook; by default each grid point has its own, and with --share there are 1024
     #[arg(long)]
     pub(super) codes: Option<usize>,
+    /// Whether the network sees, beside features of both directions, where their half vector points; by default it does, but not by the paper's
+    /// recipe
+    #[arg(long, value_name = "true|false")]
+    pub(super) half_vector: Option<bool>,
     /// Neurons of a hidden layer, up to 128
     #[arg(long)]
     pub(super) hidden: Option<usize>,
@@ -246,6 +250,7 @@ fn size_options(arguments: &Arguments) -> Option<String> {
         ("--resolutions", arguments.resolutions.is_some()),
         ("--features", arguments.features.is_some()),
         ("--codes", arguments.codes.is_some()),
+        ("--half-vector", arguments.half_vector.is_some()),
         ("--hidden", arguments.hidden.is_some()),
         ("--corner-weights", arguments.corner_weights.is_some()),
         ("--f32", arguments.f32),
@@ -306,7 +311,9 @@ fn recipe_plan(arguments: &Arguments, input: &BrdfInput, recipe: Recipe, is_isot
 /// What is done: the same, of the sizes that are asked for.
 pub(super) fn plan(arguments: &Arguments, input: &BrdfInput, is_isotropic: bool) -> Plan {
     let plan = recipe_plan(arguments, input, arguments.recipe, is_isotropic);
-    let Plan { n_side, resolutions, features, codes, surface, hidden, pruned, corner_weights, .. } = plan;
+    let Plan {
+        n_side, resolutions, features, codes, surface, sees_half_vector, hidden, pruned, corner_weights, ..
+    } = plan;
     let surface = surface.map(|surface| SurfacePlan {
         features: arguments.texel_features.unwrap_or(surface.features),
         codes: arguments.texel_codes.unwrap_or(surface.codes),
@@ -322,6 +329,7 @@ pub(super) fn plan(arguments: &Arguments, input: &BrdfInput, is_isotropic: bool)
         features: arguments.features.unwrap_or(features),
         codes: arguments.codes.map_or(codes, |codes| [codes; 2]),
         surface,
+        sees_half_vector: arguments.half_vector.unwrap_or(sees_half_vector),
         hidden,
         pruned: pruned.min(hidden),
         corner_weights: arguments.corner_weights.unwrap_or(corner_weights),

@@ -3,6 +3,7 @@
 use glam::DVec3;
 
 use super::Query;
+use super::half_vector::{half_vector, half_vector_inputs};
 use super::network::outputs;
 use crate::scene::brdf::{Codebook, Encoding, Footprint, NeuBrdf, POLE};
 
@@ -56,6 +57,9 @@ impl NeuBrdf {
             let gathered = surface.grid.gather(footprint);
             let texels = gathered.points.into_iter().zip(gathered.weights);
             push_weighted_sum(&mut x, &surface.codebook, &surface.indices, texels);
+        }
+        if self.sees_half_vector {
+            x.extend(half_vector_inputs(half_vector(wo, wi)));
         }
         (x, received)
     }

@@ -85,6 +85,8 @@ pub struct NeuBrdfShape {
     surface_groups: u32,
     /// Whether places of some model have frames.
     has_frames: bool,
+    /// Whether some model sees the half vector.
+    sees_half_vector: bool,
     /// Groups of four neurons of each layer but the last.
     hidden_groups: u32,
     layers: u32,
@@ -104,6 +106,7 @@ impl NeuBrdfShape {
             resolutions: 1,
             surface_groups: 0,
             has_frames: false,
+            sees_half_vector: false,
             hidden_groups: 1,
             layers: 2,
             precision,
@@ -118,6 +121,7 @@ impl NeuBrdfShape {
                 resolutions: shape.resolutions.max(model.coarser.len() as u32 + 1),
                 surface_groups: shape.surface_groups.max(surface_features(model).div_ceil(4)),
                 has_frames: shape.has_frames || has_frames(model),
+                sees_half_vector: shape.sees_half_vector || model.sees_half_vector,
                 hidden_groups: hidden.fold(shape.hidden_groups, u32::max),
                 layers: shape.layers.max(model.layers.len() as u32),
                 precision,
@@ -134,6 +138,7 @@ impl NeuBrdfShape {
             && one.resolutions <= self.resolutions
             && one.surface_groups <= self.surface_groups
             && one.has_frames <= self.has_frames
+            && one.sees_half_vector <= self.sees_half_vector
             && one.hidden_groups <= self.hidden_groups
             && one.layers <= self.layers
             && one.is_isotropic <= self.is_isotropic
@@ -141,8 +146,13 @@ impl NeuBrdfShape {
 
     /// Products of an evaluation.
     pub(super) fn products(&self) -> u32 {
-        let inputs = 2 * self.resolutions * self.feature_groups + self.surface_groups;
-        16 * self.hidden_groups * (inputs + self.hidden_groups * (self.layers - 2) + 1)
+        16 * self.hidden_groups * (self.input_groups() + self.hidden_groups * (self.layers - 2) + 1)
+    }
+
+    /// Groups of four inputs: of a place, of directions, of the half vector.
+    fn input_groups(&self) -> u32 {
+        let half_vector = if self.sees_half_vector { NeuBrdf::HALF_VECTOR_INPUTS / 4 } else { 0 };
+        self.surface_groups + 2 * self.resolutions * self.feature_groups + half_vector
     }
 
     /// Whether its numbers hold those of that model as they are.
@@ -158,7 +168,7 @@ impl NeuBrdfShape {
     }
 
     /// The specialization constants of `glsl/layout/neubrdf.glsl`.
-    pub fn specialization(&self) -> [(u32, u32); 9] {
+    pub fn specialization(&self) -> [(u32, u32); 10] {
         [
             (20, self.feature_groups),
             (21, self.hidden_groups),
@@ -169,6 +179,7 @@ impl NeuBrdfShape {
             (28, self.surface_groups),
             (30, u32::from(self.has_frames)),
             (31, self.resolutions),
+            (38, u32::from(self.sees_half_vector)),
         ]
     }
 }
@@ -406,20 +417,22 @@ fn pack_layers(model: &NeuBrdf, shape: &NeuBrdfShape) -> Vec<f32> {
     let features = 4 * shape.feature_groups as usize;
     let surface = 4 * shape.surface_groups as usize;
     let resolutions = shape.resolutions as usize;
-    // Where the inputs of the first layer go, which here are by hemispheres, and behind them the place's: there the place's come first, then ωo's on
-    // all grids, then ωi's, each filled up.
+    // Where the inputs of the first layer go, which here are by hemispheres, and behind them the place's and the half vector's: there the place's come
+    // first, then ωo's on all grids, then ωi's, each filled up, then the half vector's.
     let hemisphere = |(side, table): (usize, &SphereTable)| {
         let behind = if side % 2 == 0 { resolutions } else { 0 } + side / 2;
         let first = surface + behind * features;
         first..first + table.codebook.features as usize
     };
     let of_place = 0..surface_features(model) as usize;
-    let places: Vec<usize> = model.hemispheres().enumerate().map(hemisphere).chain([of_place]).flatten().collect();
+    let of_half_vector = surface + 2 * resolutions * features..4 * shape.input_groups() as usize;
+    let places: Vec<usize> =
+        model.hemispheres().enumerate().map(hemisphere).chain([of_place, of_half_vector]).flatten().collect();
     let mut layers: Vec<Filled> = Vec::new();
     let (last, others) = model.layers.split_last().map_or((None, &[][..]), |(last, others)| (Some(last), others));
     for layer in others {
         let is_first = layers.is_empty();
-        let width = if is_first { surface + 2 * resolutions * features } else { hidden };
+        let width = if is_first { 4 * shape.input_groups() as usize } else { hidden };
         layers.push(Filled::new(layer, width, hidden, |input| if is_first { places[input] } else { input }));
     }
     // What is not negative passes unchanged through a layer that has ReLU and ones on its diagonal.

@@ -61,7 +61,7 @@ impl Views {
     pub fn ask(brdf: &NeuBrdf, truth: Eval, mut tell: impl FnMut(usize, usize)) -> Views {
         let NeuBrdf { wo: table, is_isotropic, .. } = brdf;
         let mut all: Vec<DVec3> = if *is_isotropic {
-            let ring = |i: usize| FRAC_PI_2 * i as f64 / RINGS as f64;
+            let ring = |i: usize| FRAC_PI_2 * (i as f64 + 0.5) / RINGS as f64;
             (0..RINGS).map(ring).map(|theta| DVec3::new(theta.sin(), 0.0, theta.cos())).collect()
         } else {
             let points = (0..table.grid.point_count()).filter(|point| table.indices[*point] != NO_CODE);

@@ -9,6 +9,7 @@ use super::network::{Network, Shard};
 use super::product::padded;
 use super::result::network_of;
 use super::session::half_difference;
+use crate::material::half_vector;
 use crate::scene::brdf::{
     Codebook, CornerWeights, Encoding, Footprint, NO_CODE, NeuBrdf, SphereTable, SurfaceFrames, SurfaceGrid,
 };
@@ -27,6 +28,7 @@ struct Features {
     /// F, and points × F, of each table.
     rows: Vec<(usize, Vec<f32>)>,
     corner_weights: CornerWeights,
+    sees_half_vector: bool,
     encoding: Encoding,
 }
 
@@ -53,6 +55,7 @@ impl Evaluator {
             tables,
             texels: brdf.surface.as_ref().map(|table| (table.grid, table.frames.clone())),
             corner_weights: brdf.corner_weights,
+            sees_half_vector: brdf.sees_half_vector,
             encoding: brdf.encoding,
         });
         Evaluator { network: network_of(&brdf.layers), is_isotropic: brdf.is_isotropic, features }
@@ -113,13 +116,14 @@ impl Evaluator {
     pub(super) fn inputs(&self, &Query { footprint, wo, wi }: &Query, row: &mut [f32]) {
         match &self.features {
             None => row[..6].copy_from_slice(&half_difference(wo, wi, self.is_isotropic)),
-            Some(Features { tables, texels, rows, corner_weights, .. }) => {
+            Some(Features { tables, texels, rows, corner_weights, sees_half_vector, .. }) => {
                 let frame = in_frame(wo, wi, self.is_isotropic);
                 let views: Vec<Rows> = rows.iter().map(|(features, rows)| Rows { features: *features, rows }).collect();
                 let of_direction = |(table, w)| Corners::of(table, w, *corner_weights);
                 let corners: Vec<Corners> = tables.iter().zip(frame.into_iter().cycle()).map(of_direction).collect();
                 let texels = texels.as_ref().map(|(grid, _)| Texels::of(grid, footprint));
-                gather_features(&views, &corners, texels.as_ref(), row);
+                let half_vector = sees_half_vector.then(|| half_vector(frame[1], frame[0]).as_vec2());
+                gather_features(&views, &corners, texels.as_ref(), half_vector, row);
             }
         }
     }

@@ -1,10 +1,10 @@
 //! Features of directions and places: weighted sums of those at grid points.
 
-use glam::DVec3;
+use glam::{DVec3, Vec2};
 
 use super::vector::weighted_sum;
-use crate::material::turned;
-use crate::scene::brdf::{CornerWeights, Footprint, SphereTable, SurfaceGrid};
+use crate::material::{half_vector_inputs, turned};
+use crate::scene::brdf::{CornerWeights, Footprint, NeuBrdf, SphereTable, SurfaceGrid};
 
 /// Grid points and their weights at a direction.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -56,8 +56,14 @@ impl<'a> Rows<'a> {
 }
 
 /// The features of directions, by [`NeuBrdf::hemispheres`](crate::scene::brdf::NeuBrdf::hemispheres), and where there is one more table those
-/// of the place, at the start of `out`.
-pub fn gather_features(tables: &[Rows], corners: &[Corners], texels: Option<&Texels>, out: &mut [f32]) {
+/// of the place, and behind them what is seen of a half vector, at the start of `out`.
+pub fn gather_features(
+    tables: &[Rows],
+    corners: &[Corners],
+    texels: Option<&Texels>,
+    half_vector: Option<Vec2>,
+    out: &mut [f32],
+) {
     let mut rest = out;
     for (table, at) in tables.iter().zip(corners) {
         let (out, after) = rest.split_at_mut(table.features);
@@ -65,8 +71,13 @@ pub fn gather_features(tables: &[Rows], corners: &[Corners], texels: Option<&Tex
         weighted_sum(at.points.map(|point| table.row(point)), at.weights, out);
     }
     if let (Some(table), Some(texels)) = (tables.get(corners.len()), texels) {
-        let out = &mut rest[..table.features];
+        let (out, after) = rest.split_at_mut(table.features);
+        rest = after;
         weighted_sum(texels.points.map(|point| table.row(point)), texels.weights, out);
+    }
+    if let Some(half_vector) = half_vector {
+        rest[..NeuBrdf::HALF_VECTOR_INPUTS as usize]
+            .copy_from_slice(&half_vector_inputs(half_vector.as_dvec2()).map(|x| x as f32));
     }
 }
 

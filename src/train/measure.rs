@@ -1,6 +1,6 @@
 //! How far a fit is from its ground truth.
 
-use std::f64::consts::{FRAC_PI_2, PI, TAU};
+use std::f64::consts::{FRAC_PI_2, TAU};
 
 use glam::{DVec2, DVec3};
 
@@ -105,10 +105,11 @@ const BINS: usize = 30;
 const PAIRS: usize = 1 << 16;
 /// Not a seed of any training that a user is likely to ask for.
 const SEED: u64 = 0x6a09_e667_f3bc_c908;
-/// θo at which albedos are compared, degrees.
-const THETAS: [f64; 6] = [0.0, 15.0, 30.0, 45.0, 60.0, 75.0];
+/// How many θo albedos are compared at, and the step from one to the next, degrees.
+const THETAS: usize = 18;
+const THETA_STEP: f64 = 5.0;
 /// Points that an albedo is integrated over.
-const ALBEDO_POINTS: usize = 8192;
+const ALBEDO_POINTS: usize = 4096;
 
 /// Compares a fit with its ground truth; balls are `size` pixels to a side.
 pub fn compare(size: usize, is_isotropic: bool, fit: Eval, truth: Eval) -> Comparison {
@@ -118,10 +119,9 @@ pub fn compare(size: usize, is_isotropic: bool, fit: Eval, truth: Eval) -> Compa
 /// The same of a material that varies: pairs and albedos are averaged over places, and balls show the texture.
 pub fn compare_at(size: usize, is_isotropic: bool, fit: EvalAt, truth: EvalAt) -> Comparison {
     let phis: &[f64] = if is_isotropic { &[0.0] } else { &[0.0, 45.0, 90.0] };
-    let albedo: Vec<AlbedoError> = THETAS
-        .iter()
-        .flat_map(|theta| phis.iter().map(move |phi| (*theta, *phi)))
-        .map(|(theta, phi): (f64, f64)| {
+    let albedo: Vec<AlbedoError> = (0..THETAS)
+        .flat_map(|step| phis.iter().map(move |phi| (THETA_STEP * step as f64, *phi)))
+        .map(|(theta, phi)| {
             let wo = direction(theta.to_radians(), phi.to_radians());
             let of = |eval: EvalAt| average_albedo(wo, ALBEDO_POINTS, eval).element_sum() / 3.0;
             AlbedoError { theta, phi, truth: of(truth), fit: of(fit) }
@@ -190,30 +190,18 @@ fn average_albedo(wo: DVec3, count: usize, eval: EvalAt) -> DVec3 {
     eval(&queries).into_iter().zip(weights).map(|(value, weight)| value * weight).sum()
 }
 
-/// Directions of light that crowd where lobes are, up to `count`, and the solid angle times the cosine that each stands for. Another `shift`
-/// gives others.
+/// Directions of light that crowd where lobes are, up to `count`, and the solid angle times the cosine that each stands for: mirrored about half
+/// vectors on a spiral, whose angles are the cubes of even steps. Another `shift`, in turns, gives others.
 pub(super) fn albedo_points(wo: DVec3, count: usize, shift: f64) -> (Vec<DVec3>, Vec<f64>) {
+    const GOLDEN: f64 = 0.618_033_988_749_894_9;
     let point = |i: usize| {
-        // A Kronecker sequence of the plastic number and its kin (Roberts 2018).
-        let at = |step: f64| (0.5 + shift + step * (i as f64 + 1.0)).fract();
-        let [u, v, choice] = [at(0.819_172_513_396_164_4), at(0.671_043_606_703_789_2), at(0.549_700_477_901_960_6)];
-        let phi = TAU * v;
-        let wi = match choice {
-            ..0.4 => direction(u.sqrt().asin(), phi),
-            ..0.7 => mirrored(wo, direction(FRAC_PI_2 * u.powi(2), phi)),
-            _ => mirrored(wo, direction(FRAC_PI_2 * u.powi(4), phi)),
-        };
-        if wi.z <= 0.0 {
-            return None;
-        }
-        let half = (wo + wi).normalize();
-        let theta = half.z.clamp(-1.0, 1.0).acos().max(1e-9);
-        let crowded = |power: f64| {
-            let by_theta = (theta / FRAC_PI_2).powf(1.0 / power - 1.0) / (power * FRAC_PI_2);
-            by_theta / (TAU * theta.sin()) / (4.0 * wo.dot(half))
-        };
-        let density = 0.4 * wi.z / PI + 0.3 * crowded(2.0) + 0.3 * crowded(4.0);
-        Some((wi, wi.z / density / count as f64))
+        let step = (i as f64 + 0.5) / count as f64;
+        let theta = FRAC_PI_2 * step.powi(3);
+        let half = direction(theta, TAU * (shift + GOLDEN * i as f64).fract());
+        let wi = mirrored(wo, half);
+        // dθ = 3 · π/2 · step² dstep, and dωi = 4 (ωo · h) dωh.
+        let solid_angle = theta.sin() * 3.0 * FRAC_PI_2 * step.powi(2) * TAU / count as f64;
+        (wi.z > 0.0).then(|| (wi, wi.z * 4.0 * wo.dot(half) * solid_angle))
     };
     (0..count).filter_map(point).unzip()
 }

@@ -61,6 +61,9 @@ const ALBEDO_ROUNDS: u32 = 3;
 /// Codes of texels where there are more texels than an index can name.
 const MANY_CODES: usize = 4096;
 
+/// Neurons of a hidden layer where the place goes in as well: there is more to learn.
+const SURFACE_WIDTH: usize = 64;
+
 /// Features of a texel.
 const SURFACE_FEATURES: usize = 8;
 
@@ -94,6 +97,9 @@ pub struct Plan {
     pub codes: [usize; 2],
     /// Texels, where the material varies.
     pub surface: Option<SurfacePlan>,
+    /// Whether the network sees where the half vector points.
+    #[serde(default, skip_serializing_if = "is_false")]
+    pub sees_half_vector: bool,
     /// Neurons of each of the three hidden layers.
     pub hidden: usize,
     /// How many of them are left after pruning; as many as `hidden`: none is pruned.
@@ -120,6 +126,10 @@ pub struct Plan {
     pub albedo_rounds: u32,
 }
 
+fn is_false(value: &bool) -> bool {
+    !value
+}
+
 fn is_zero(number: &u32) -> bool {
     *number == 0
 }
@@ -142,8 +152,9 @@ impl Plan {
             features: 12,
             codes: [MOST_CODES; 2],
             surface: None,
-            hidden: 64,
-            pruned: 64,
+            sees_half_vector: recipe == Recipe::Default,
+            hidden: 32,
+            pruned: 32,
             corner_weights: CornerWeights::Bilinear,
             seed: 0,
             pairs,
@@ -157,7 +168,14 @@ impl Plan {
                 _ => 0,
             },
         };
-        let papers_sizes = Plan { n_side: [64; 2], features: 16, corner_weights: CornerWeights::Uniform, ..plan };
+        let papers_sizes = Plan {
+            n_side: [64; 2],
+            features: 16,
+            corner_weights: CornerWeights::Uniform,
+            hidden: 64,
+            pruned: 64,
+            ..plan
+        };
         match recipe {
             // Narrow anisotropic lobes gain much by several resolutions; isotropic ones lose a little of their albedo (docs/training.md).
             Recipe::Default if is_isotropic => plan,
@@ -185,12 +203,17 @@ impl Plan {
             _ => MOST_CODES,
         };
         let surface = SurfacePlan { texels, features: SURFACE_FEATURES, codes };
-        Plan { surface: Some(surface), albedo_rounds: 0, ..self }
+        let plan = Plan { surface: Some(surface), albedo_rounds: 0, ..self };
+        match self.recipe {
+            Recipe::Default => Plan { hidden: SURFACE_WIDTH, pruned: SURFACE_WIDTH, ..plan },
+            _ => plan,
+        }
     }
 
     /// Numbers that go into the network.
     pub(super) fn inputs(&self) -> usize {
-        2 * self.resolutions * self.features + self.surface.map_or(0, |surface| surface.features)
+        let half_vector = if self.sees_half_vector { NeuBrdf::HALF_VECTOR_INPUTS as usize } else { 0 };
+        2 * self.resolutions * self.features + self.surface.map_or(0, |surface| surface.features) + half_vector
     }
 
     /// Most codes of each table.
@@ -272,7 +295,12 @@ impl Plan {
         check("--model", fits, "an NBRDF".to_owned(), "neubrdf, for a material that varies over a texture")?;
         let most = NeuBrdf::MAX_WIDTH as usize;
         let inputs = || format!("{} inputs of the network", self.inputs());
-        check("--features", self.inputs() <= most, inputs(), "at most 128 of all directions, resolutions and places")?;
+        check(
+            "--features",
+            self.inputs() <= most,
+            inputs(),
+            "at most 128 of all directions, resolutions, places and the half vector",
+        )?;
         check("--hidden", between(self.hidden, 4, 128), self.hidden.to_string(), "4 to 128")?;
         check("pruned width", between(self.pruned, 4, self.hidden), self.pruned.to_string(), "4 to the width before")?;
         let can_be_named = |codes: usize| between(codes, 2, MOST_CODES);

@@ -2,7 +2,7 @@
 
 use std::f32::consts::PI;
 
-use glam::DVec3;
+use glam::{DVec3, Vec2};
 use rayon::prelude::*;
 
 use super::albedo::Views;
@@ -17,7 +17,7 @@ use super::result::{TrainedPoints, layers, merged_table, nbrdf, sphere_tables, s
 use super::table::{Quantiser, Table};
 use super::trainer::{Head, Inputs, Loss, Places, Pool, Rates, Trainer, Weighs};
 use super::{Error, Evaluator};
-use crate::material::fit_lobe;
+use crate::material::{fit_lobe, half_vector};
 use crate::scene::brdf::{Encoding, Nbrdf, NeuBrdf, Provenance, SphereGrid, SphereTable, SurfaceFrames, SurfaceGrid};
 use crate::scene::{HalfDifference, SamplingLobe};
 
@@ -316,6 +316,7 @@ impl Session {
             wi,
             wo,
             coarser: std::iter::from_fn(pair).collect(),
+            sees_half_vector: self.plan.sees_half_vector,
             surface: places.map(|(table, grid)| surface_table(table, grid, self.frames.clone())),
             layers: layers(&self.trainer.network),
             encoding: self.encoding,
@@ -382,6 +383,12 @@ pub fn half_difference(wo: DVec3, wi: DVec3, is_isotropic: bool) -> [f32; 6] {
     [half.x, half.y, half.z, across.x, across.y, cosine].map(|x| x as f32)
 }
 
+/// The half vector that a NeuBRDF sees of two directions.
+fn half_vector_of(wo: DVec3, wi: DVec3, is_isotropic: bool) -> Vec2 {
+    let [wi, wo] = in_frame(wo, wi, is_isotropic);
+    half_vector(wo, wi).as_vec2()
+}
+
 /// Where the features of pairs come from; marks the points and pixels that they need.
 fn corner_inputs(plan: &Plan, is_isotropic: bool, pairs: &[Pair], hemispheres: &mut [Hemisphere]) -> Inputs {
     let tables: Vec<SphereTable> = hemispheres.iter().map(|hemisphere| whole_table(hemisphere.grid)).collect();
@@ -402,7 +409,12 @@ fn corner_inputs(plan: &Plan, is_isotropic: bool, pairs: &[Pair], hemispheres: &
             used[point as usize] |= weight > 0.0;
         }
     }
-    Inputs::Corners(tables.len(), located.into_iter().map(|(corners, _)| corners).collect())
+    let half = |pair: &Pair| half_vector_of(pair.wo.as_dvec3(), pair.wi.as_dvec3(), is_isotropic);
+    Inputs::Gathered {
+        sides: tables.len(),
+        corners: located.into_iter().map(|(corners, _)| corners).collect(),
+        half_vectors: if plan.sees_half_vector { pairs.par_iter().map(half).collect() } else { Vec::new() },
+    }
 }
 
 /// Errors if points with features of their own are more than indices can name.
@@ -430,10 +442,11 @@ fn add_probes(inputs: &mut Inputs, probes: &[Pair], plan: &Plan, is_isotropic: b
         Inputs::Direct(numbers) => {
             numbers.extend(directions.flat_map(|(wo, wi)| half_difference(wo, wi, is_isotropic)));
         }
-        Inputs::Corners(_, corners) => {
+        Inputs::Gathered { corners, half_vectors, .. } => {
             let merged = |Hemisphere { grid, seen, .. }: &Hemisphere| merged_table(*grid, seen);
             let tables: Vec<SphereTable> = hemispheres.iter().map(merged).collect();
             for (wo, wi) in directions {
+                half_vectors.extend(plan.sees_half_vector.then(|| half_vector_of(wo, wi, is_isotropic)));
                 let frame = in_frame(wo, wi, is_isotropic);
                 corners.extend(tables.iter().zip(frame.into_iter().cycle()).map(|(table, w)| {
                     let at = Corners::of(table, w, plan.corner_weights);

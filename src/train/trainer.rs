@@ -5,6 +5,7 @@
 
 use std::ops::Range;
 
+use glam::Vec2;
 use rayon::prelude::*;
 
 use super::adam::Adam;
@@ -19,8 +20,15 @@ use crate::scene::brdf::{Footprint, SurfaceGrid};
 
 /// What the network sees of the pairs to learn from.
 pub enum Inputs {
-    /// Features gathered from the tables of directions: pairs × so many tables.
-    Corners(usize, Vec<Corners>),
+    /// Features gathered from tables.
+    Gathered {
+        /// How many tables of directions there are.
+        sides: usize,
+        /// Pairs × sides.
+        corners: Vec<Corners>,
+        /// Of each pair, if the network sees them; else empty.
+        half_vectors: Vec<Vec2>,
+    },
     /// Numbers as they are, pairs × width.
     Direct(Vec<f32>),
 }
@@ -231,7 +239,7 @@ impl Trainer {
             }
         };
         let of_tables = || {
-            let Inputs::Corners(sides, corners) = &pool.inputs else { return };
+            let Inputs::Gathered { sides, corners, .. } = &pool.inputs else { return };
             if rates.tables == 0.0 {
                 return;
             }
@@ -345,9 +353,10 @@ fn gather(pool: &Pool, tables: &[Rows], blocks: &[u32], shard: &mut Shard) {
     for (pair, row) in pairs_of(blocks).zip(shard.inputs().chunks_exact_mut(padded(width))) {
         match &pool.inputs {
             Inputs::Direct(numbers) => row[..width].copy_from_slice(&numbers[pair * width..][..width]),
-            Inputs::Corners(sides, corners) => {
+            Inputs::Gathered { sides, corners, half_vectors } => {
                 let texels = pool.places.as_ref().map(|places| places.texels(pair));
-                gather_features(tables, &corners[pair * sides..][..*sides], texels.as_ref(), row);
+                let half_vector = half_vectors.get(pair).copied();
+                gather_features(tables, &corners[pair * sides..][..*sides], texels.as_ref(), half_vector, row);
             }
         }
     }

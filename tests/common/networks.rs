@@ -42,6 +42,7 @@ pub fn neubrdfs() -> Vec<(String, Arc<Brdf>)> {
         ("varying", 2, Shape { surface: Some(([5, 4], 3)), ..small }),
         ("varying, isotropic", 3, Shape { is_isotropic: true, n_side: 8, surface: Some(([8, 8], 8)), ..small }),
         ("of two resolutions", 4, Shape { n_side: 8, resolutions: 2, ..small }),
+        ("with the half vector", 6, Shape { sees_half_vector: true, is_isotropic: true, ..small }),
         ("of one pixel size", 5, Shape { n_side: 1, features: 2, hidden: &[7], ..small }),
     ];
     let mut models: Vec<NeuBrdf> = shapes.iter().map(|(_, seed, shape)| random_neubrdf(*shape, *seed)).collect();

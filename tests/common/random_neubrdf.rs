@@ -54,6 +54,7 @@ pub struct Shape {
     pub surface: Option<([u32; 2], u32)>,
     /// Whether texels have frames.
     pub has_frames: bool,
+    pub sees_half_vector: bool,
 }
 
 impl Shape {
@@ -69,6 +70,7 @@ impl Shape {
         is_pruned: false,
         surface: None,
         has_frames: false,
+        sees_half_vector: false,
     };
 }
 
@@ -124,7 +126,9 @@ pub fn random_neubrdf(shape: Shape, seed: u64) -> NeuBrdf {
             frames: if shape.has_frames { random_frames(grid, &mut random) } else { SurfaceFrames::default() },
         }
     });
-    let mut inputs = 2 * shape.resolutions * shape.features + shape.surface.map_or(0, |(_, features)| features);
+    let half_vector = if shape.sees_half_vector { NeuBrdf::HALF_VECTOR_INPUTS } else { 0 };
+    let surface_features = shape.surface.map_or(0, |(_, features)| features);
+    let mut inputs = 2 * shape.resolutions * shape.features + surface_features + half_vector;
     let mut layers = Vec::new();
     for outputs in shape.hidden.iter().copied().chain([3]) {
         let size = (6.0 / inputs as f32).sqrt() * if outputs == 3 { 0.5 } else { 1.0 };
@@ -140,6 +144,7 @@ pub fn random_neubrdf(shape: Shape, seed: u64) -> NeuBrdf {
         wo,
         coarser,
         surface,
+        sees_half_vector: shape.sees_half_vector,
         layers,
         encoding: Encoding { gain: 100.0, scale: 2.0, max: 1e5 },
         lobe: SamplingLobe { alpha: [[0.1, 0.2], [0.5, 0.4]], weight: [[0.3, 0.2]; SamplingLobe::NODES] },

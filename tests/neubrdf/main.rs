@@ -31,6 +31,7 @@ const SMALL: Shape = Shape {
     is_pruned: true,
     surface: None,
     has_frames: false,
+    sees_half_vector: false,
 };
 
 /// The same over a texture.
@@ -39,7 +40,10 @@ const VARYING: Shape = Shape { surface: Some(([3, 2], 5)), ..SMALL };
 /// The same, and on two coarser grids.
 const RESOLUTIONS: Shape = Shape { resolutions: 3, ..VARYING };
 
-/// The same with frames.
+/// One whose network sees the half vector as well.
+const HALF_VECTOR: Shape = Shape { sees_half_vector: true, ..RESOLUTIONS };
+
+/// VARYING with frames.
 const LEANING: Shape = Shape { has_frames: true, ..VARYING };
 
 /// Codes that can be changed.
@@ -53,6 +57,7 @@ fn shapes() -> Vec<Shape> {
         SMALL,
         VARYING,
         RESOLUTIONS,
+        HALF_VECTOR,
         LEANING,
         full,
         Shape { is_isotropic: true, is_pruned: true, ..full },

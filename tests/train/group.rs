@@ -35,7 +35,7 @@ fn finish(group: &mut Group) -> Vec<u8> {
 /// Codes given soon, and those of the paper's from the start.
 fn small_plans() -> [Plan; 2] {
     [
-        Plan { codes: [24; 2], ..small(Recipe::Default) },
+        Plan { codes: [24; 2], steps: 400, ..small(Recipe::Default) },
         Plan { codes: [16; 2], pruned: 16, n_side: [4; 2], ..Plan { recipe: Recipe::Paper, ..small(Recipe::Default) } },
     ]
 }

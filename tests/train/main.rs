@@ -12,7 +12,7 @@ use neubrdf::material::{Bsdf, Evaluate, Prepared};
 use neubrdf::scene::brdf::{Brdf, NeuBrdf, Precision, SurfaceFrame};
 use neubrdf::scene::{Color, Fresnel, Surface};
 use neubrdf::train::check::check;
-use neubrdf::train::measure::{compare, directional_albedo};
+use neubrdf::train::measure::{FitErrors, compare, directional_albedo};
 use neubrdf::train::{Evaluator, GroundTruth, Model, Pair, Plan, Quality, Recipe, Session};
 
 /// A rough metal over a matte base, isotropic.
@@ -102,7 +102,11 @@ fn the_end_closes_gaps_of_albedos() {
     let views = session.views(&truth, |done, count| asked.push((done, count)));
     assert!(asked.len() > 10 && asked.iter().enumerate().all(|(i, told)| *told == (i, asked.len())));
     let [before, after] = [None, views.as_ref()].map(|views| errors(session.finished(views, || ()).unwrap()));
-    assert!(after.worst_albedo < 0.7 * before.worst_albedo, "{} after {}", after.worst_albedo, before.worst_albedo);
+    let mean = |errors: &FitErrors| {
+        errors.albedo.iter().map(|albedo| albedo.relative().abs()).sum::<f64>() / errors.albedo.len() as f64
+    };
+    assert!(mean(&after) < 0.7 * mean(&before), "{} after {}", mean(&after), mean(&before));
+    assert!(after.worst_albedo < before.worst_albedo, "{} after {}", after.worst_albedo, before.worst_albedo);
     assert!(after.pairs.log < 1.05 * before.pairs.log, "{} after {}", after.pairs.log, before.pairs.log);
 
     let paper = Session::new(small(Recipe::Paper), &truth).unwrap();
@@ -261,7 +265,8 @@ fn few_samples_are_enough_for_a_simple_material() {
     assert!(((albedo - expected) / expected).abs().max_element() < 0.2, "{albedo} {expected}");
 }
 
-/// A shiny metal seen from up to 70° alone: what is beyond was left to chance, which made more light of it than there was.
+/// A shiny metal seen from up to 70° alone: what is beyond was left to chance, which made more light of it than there was. (A network that sees the half
+/// vector knows what lies beyond from what it has seen.)
 #[test]
 fn what_no_sample_looked_at_sends_no_more_light_than_it_gets() {
     let metal = metal(0.03, 0.03);
@@ -275,7 +280,7 @@ fn what_no_sample_looked_at_sends_no_more_light_than_it_gets() {
         .collect();
     let brightest = |energy: Option<f32>| {
         let plan = Plan { steps: 1500, ..small(Recipe::Default).for_samples(pairs.len()) };
-        let plan = Plan { energy: energy.unwrap_or(plan.energy), ..plan };
+        let plan = Plan { energy: energy.unwrap_or(plan.energy), sees_half_vector: false, ..plan };
         let truth = GroundTruth::Samples { pairs: pairs.clone(), is_isotropic: true };
         let brdf = NeuBrdf::decode(&finish(&mut Session::new(plan, &truth).unwrap())).unwrap();
         let evaluator = Evaluator::neubrdf(&brdf);

@@ -199,6 +199,7 @@ fn model(layers: Vec<Dense>, lobe: SamplingLobe) -> NeuBrdf {
         wo: table(),
         coarser: Vec::new(),
         surface: None,
+        sees_half_vector: false,
         layers,
         encoding: Encoding { gain: GAIN, scale: SCALE, max: 1e5 },
         lobe,

@@ -166,7 +166,8 @@ pub struct Provenance {
 }
 
 /// A material: value(ωo, ωi) = decode(MLP([features of ωi, features of ωo])). Behind these come, of one with several resolutions, the features
-/// of ωi and ωo on the coarser grids, and of one that varies over a texture those of the place. Where the place has a frame, directions are
+/// of ωi and ωo on the coarser grids, of one that varies over a texture those of the place, and of one that sees the half vector what
+/// `crate::material::half_vector_inputs` says of it. Where the place has a frame, directions are
 /// turned into it first, and what it receives of ωi multiplies the value ([`super::SurfaceFrame::turned`]).
 ///
 /// Isotropic ones are turned about z as well, so that ωi has the azimuth 0 and ωo one in [0, π].
@@ -184,6 +185,8 @@ pub struct NeuBrdf {
     pub coarser: Vec<[SphereTable; 2]>,
     /// Features of the place, where the material varies.
     pub surface: Option<SurfaceTable>,
+    /// Whether the network sees where the half vector points.
+    pub sees_half_vector: bool,
     /// The network; ReLU after each but the last, which has three outputs.
     pub layers: Vec<Dense>,
     /// What the outputs stand for.
@@ -195,6 +198,17 @@ pub struct NeuBrdf {
 }
 
 impl NeuBrdf {
+    /// Numbers that the network sees of a half vector, if it does.
+    pub const HALF_VECTOR_INPUTS: u32 = 8;
+
+    /// Inputs of the network: features, and what it sees of the half vector.
+    pub fn input_count(&self) -> u32 {
+        let surface = self.surface.as_ref().map(|surface| &surface.codebook);
+        let codebooks = self.hemispheres().map(|table| &table.codebook).chain(surface);
+        let half_vector = if self.sees_half_vector { Self::HALF_VECTOR_INPUTS } else { 0 };
+        codebooks.map(|codebook| codebook.features).sum::<u32>() + half_vector
+    }
+
     /// The tables of directions in the order in which the network takes their features: ωi's and ωo's by turns.
     pub fn hemispheres(&self) -> impl Iterator<Item = &SphereTable> {
         [&self.wi, &self.wo].into_iter().chain(self.coarser.iter().flatten())
@@ -221,6 +235,9 @@ impl NeuBrdf {
                 put(hasher, frames.normals.as_flattened());
                 put(hasher, frames.directions.as_flattened());
             }
+        }
+        if self.sees_half_vector {
+            put(hasher, b"half vector");
         }
         for Dense { inputs: _, outputs: _, weights, bias } in layers {
             put(hasher, weights);

@@ -72,10 +72,11 @@ impl NeuBrdf {
         expect((2..=Self::MAX_LAYERS).contains(&depth), "layers", || format!("{depth} layers"), "2 to 8")?;
         let surface = self.surface.as_ref().map(|surface| &*surface.codebook);
         let codebooks = || self.hemispheres().map(|table| &*table.codebook).chain(surface);
-        let mut width = codebooks().map(|codebook| codebook.features).sum::<u32>();
+        let mut width = self.input_count();
         let most = Self::MAX_WIDTH;
-        expect(width <= most, "features", || format!("{width} in all"), format!("at most {most}"))?;
-        let mut reached = codebooks().map(Codebook::greatest).fold(0.0, f64::max);
+        expect(width <= most, "features", || format!("{width} inputs in all"), format!("at most {most}"))?;
+        // What is seen of a half vector is at most 1.
+        let mut reached = codebooks().map(Codebook::greatest).fold(1.0, f64::max);
         for (index, layer) in self.layers.iter().enumerate() {
             let field = format!("layers[{index}]");
             expect(layer.inputs == width, &field, || format!("{} inputs", layer.inputs), width.to_string())?;

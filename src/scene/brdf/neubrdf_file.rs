@@ -79,6 +79,8 @@ struct MaterialHeader {
     coarser: Vec<[TableHeader; 2]>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     surface: Option<SurfaceHeader>,
+    #[serde(default, skip_serializing_if = "is_false")]
+    sees_half_vector: bool,
     /// Which of the networks.
     network: usize,
     encoding: Encoding,
@@ -170,6 +172,7 @@ impl NeuBrdfPack {
                 wo,
                 coarser,
                 surface,
+                sees_half_vector: material.sees_half_vector,
                 network: place_of(&material.layers[..], &mut networks),
                 encoding: material.encoding,
                 lobe: material.lobe.to_floats().to_vec(),
@@ -344,6 +347,7 @@ fn decode(header: &[u8], payload: &[u8]) -> Result<NeuBrdfPack, Flaw> {
             wo: table(&mut reader, "wo", &header.wo)?,
             coarser: coarser(&mut reader, &header.coarser)?,
             surface: header.surface.as_ref().map(|header| surface(&mut reader, header)).transpose()?,
+            sees_half_vector: header.sees_half_vector,
             layers: named(&networks, header.network, "network")?.clone(),
             encoding: header.encoding,
             lobe: lobe(&header.lobe)?,

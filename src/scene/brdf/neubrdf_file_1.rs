@@ -49,6 +49,7 @@ pub(super) fn decode(header: &[u8], payload: &[u8]) -> Result<NeuBrdf, Flaw> {
         wo,
         coarser: Vec::new(),
         surface: None,
+        sees_half_vector: false,
         layers,
         encoding,
         lobe,
