@@ -31,7 +31,7 @@ struct Arguments {
     materials: Vec<String>,
     #[arg(long, value_enum, default_value = "draft")]
     quality: Quality,
-    /// Which sizes to vary: default, n-side, codes, features, hidden, weights, together or resolutions; all without
+    /// Which sizes to vary: default, n-side, codes, features, hidden, weights, together, resolutions or blind; all without
     #[arg(long, value_delimiter = ',')]
     axis: Vec<String>,
     /// Where results and the plot are kept
@@ -49,7 +49,7 @@ struct Arguments {
 }
 
 /// What is varied, each with the plot's words for it.
-const AXES: [(&str, &str); 8] = [
+const AXES: [(&str, &str); 9] = [
     ("default", "the defaults"),
     ("n-side", "N_side, each point its own code"),
     ("codes", "2ᵇ codes a hemisphere"),
@@ -58,6 +58,7 @@ const AXES: [(&str, &str); 8] = [
     ("weights", "¼ a corner"),
     ("together", "several at once"),
     ("resolutions", "other resolutions"),
+    ("blind", "without the half vector"),
 ];
 
 /// The sizes of a model.
@@ -69,6 +70,7 @@ struct Sizes {
     code_bits: Option<u32>,
     /// F, on each grid.
     features: usize,
+    sees_half_vector: bool,
     hidden: usize,
     corner_weights: CornerWeights,
 }
@@ -79,7 +81,8 @@ const DEFAULT: Sizes = Sizes {
     resolutions: 3,
     code_bits: None,
     features: 4,
-    hidden: 64,
+    sees_half_vector: true,
+    hidden: 32,
     corner_weights: CornerWeights::Bilinear,
 };
 
@@ -91,12 +94,12 @@ fn models() -> Vec<(usize, Sizes)> {
     let codes = [(16, 4), (16, 6), (16, 8), (16, 10), (64, 4), (64, 6), (64, 8), (64, 10)];
     models.extend(codes.map(|(n_side, bits)| (2, Sizes { n_side, code_bits: Some(bits), ..DEFAULT })));
     models.extend([2, 3, 6, 8].map(|features| (3, Sizes { features, ..DEFAULT })));
-    models.extend([16, 32, 48, 96, 128].map(|hidden| (4, Sizes { hidden, ..DEFAULT })));
+    models.extend([16, 24, 48, 64, 96, 128].map(|hidden| (4, Sizes { hidden, ..DEFAULT })));
     let uniform = Sizes { corner_weights: CornerWeights::Uniform, ..DEFAULT };
     models.extend([16, 64].map(|n_side| (5, Sizes { n_side, ..uniform })));
     let papers = Sizes { n_side: 64, code_bits: Some(8), features: 16, ..single };
     models.push((5, Sizes { corner_weights: CornerWeights::Uniform, ..papers }));
-    for (features, hidden) in [(2, 16), (3, 16), (3, 32), (6, 32), (3, 48), (6, 48), (6, 96)] {
+    for (features, hidden) in [(2, 16), (3, 16), (3, 24), (6, 24), (3, 48), (6, 48), (6, 64)] {
         models.push((6, Sizes { features, hidden, ..DEFAULT }));
     }
     let pyramids = [
@@ -118,6 +121,7 @@ fn models() -> Vec<(usize, Sizes)> {
     );
     // The paper's N_side and codes, in one resolution and, with as many features, in four.
     models.extend([papers, Sizes { resolutions: 4, features: 4, ..papers }].map(|sizes| (7, sizes)));
+    models.extend([16, 32, 64, 128].map(|hidden| (8, Sizes { sees_half_vector: false, hidden, ..DEFAULT })));
     models
 }
 
@@ -129,6 +133,7 @@ impl Sizes {
             resolutions: self.resolutions,
             codes: self.code_bits.map_or(plan.codes, |bits| [1 << bits; 2]),
             features: self.features,
+            sees_half_vector: self.sees_half_vector,
             hidden: self.hidden,
             pruned: self.hidden,
             corner_weights: self.corner_weights,
@@ -143,7 +148,8 @@ impl Sizes {
             CornerWeights::Uniform => "¼",
             CornerWeights::Bilinear => "bilinear",
         };
-        format!("{} | {codes} | {features} | {} | {weights}", self.n_side, self.hidden)
+        let half_vector = if self.sees_half_vector { "yes" } else { "no" };
+        format!("{} | {codes} | {features} | {half_vector} | {} | {weights}", self.n_side, self.hidden)
     }
 }
 
@@ -321,10 +327,10 @@ fn points(models: &[Fitted], precision: usize) -> Vec<ModelPoint> {
 fn print_table(truths: &[Truth], models: &[Fitted], half: &[ModelPoint], full: &[ModelPoint]) {
     let names: Vec<&str> = truths.iter().map(|truth| truth.name.as_str()).collect();
     println!(
-        "| N_side | codes | resolutions × F | hidden | weights | M/s | M/s, f32 | error | error, f32 | {} | SSIM | albedo | bytes |",
+        "| N_side | codes | resolutions × F | half vector | hidden | weights | M/s | M/s, f32 | error | error, f32 | {} | SSIM | albedo | bytes |",
         names.join(" | ")
     );
-    println!("|---|---|---|---|---|---|---|---|---|{}---|---|---|", "---|".repeat(truths.len()));
+    println!("|---|---|---|---|---|---|---|---|---|---|{}---|---|---|", "---|".repeat(truths.len()));
     for ((model, half), full) in models.iter().zip(half).zip(full) {
         let outcomes = &model.outcomes;
         let star = if half.is_on_front { " ★" } else { "" };

@@ -111,6 +111,7 @@ fn outcome(arguments: &Arguments, members: &[&Truth]) -> Result<Option<Outcome>>
     let plan = Plan::new(Model::NeuBrdf, Recipe::Default, Quality::Draft, true);
     let Arguments { steps, resolutions, features, .. } = *arguments;
     let plan = Plan { steps, pairs: 1 << 17, resolutions, features, ..plan };
+    let plan = if arguments.share_network { plan.wide() } else { plan };
     let plan = if members.len() == 1 { plan } else { plan.for_group(members.len(), Some(arguments.codes)) };
     let names: Vec<&str> = members.iter().map(|truth| truth.name.as_str()).collect();
     let path =

@@ -19,17 +19,25 @@ pub fn run() -> Result<()> {
     println!("{}, {}; median (min–max) of {ROUNDS} runs\n", device.name(), device.driver());
     println!("| model | first run, s | M/s | M/s by own CPU time |\n|---|---|---|---|");
     let full = Shape::FULL;
-    let default = Shape { n_side: 16, codes: 1569, features: 4, resolutions: 3, ..full };
+    let default = Shape {
+        n_side: 16,
+        codes: 1569,
+        features: 4,
+        resolutions: 3,
+        sees_half_vector: true,
+        hidden: &[32; 3],
+        ..full
+    };
     let isotropic = Shape { is_isotropic: true, is_pruned: true, ..default };
     let rows = [
         ("the default's sizes, isotropic, f16", isotropic, Precision::F16),
         ("the default's sizes, anisotropic, f16", default, Precision::F16),
         ("the default's sizes, anisotropic, f32", default, Precision::F32),
         ("one resolution of 12 features, f16", Shape { features: 12, resolutions: 1, ..default }, Precision::F16),
-        ("the default's sizes, anisotropic, f16, 56 wide", Shape { hidden: &[56, 56, 56], ..default }, Precision::F16),
-        ("the default's sizes, anisotropic, f16, 48 wide", Shape { hidden: &[48, 48, 48], ..default }, Precision::F16),
-        ("the default's sizes, anisotropic, f16, 40 wide", Shape { hidden: &[40, 40, 40], ..default }, Precision::F16),
-        ("the default's sizes, anisotropic, f16, 32 wide", Shape { hidden: &[32, 32, 32], ..default }, Precision::F16),
+        ("without the half vector, f16", Shape { sees_half_vector: false, ..default }, Precision::F16),
+        ("the default's sizes, anisotropic, f16, 16 wide", Shape { hidden: &[16; 3], ..default }, Precision::F16),
+        ("the default's sizes, anisotropic, f16, 48 wide", Shape { hidden: &[48; 3], ..default }, Precision::F16),
+        ("the default's sizes, anisotropic, f16, 64 wide", Shape { hidden: &[64; 3], ..default }, Precision::F16),
         ("anisotropic, f32", full, Precision::F32),
         ("anisotropic, f16", full, Precision::F16),
         ("isotropic, f32", Shape { is_isotropic: true, is_pruned: true, ..full }, Precision::F32),

@@ -119,13 +119,14 @@ fn numbered(path: &Path, index: usize, count: usize) -> PathBuf {
 /// Plans of all members, which have one recipe, but the grid that suits their measurements, and as many resolutions as the coarsest grid has
 /// room for. Codes are shared better on several (docs/sharing.md); few measurements may have no room for them.
 fn plans(arguments: &Arguments, members: &[&Member]) -> Vec<Plan> {
-    let Arguments { recipe, resolutions, features, codes, .. } = *arguments;
+    let Arguments { recipe, resolutions, features, codes, hidden, share_network, .. } = *arguments;
     let is_isotropic = members.iter().all(|member| member.input.brdf.is_isotropic());
     let are_functions = members.iter().all(|member| member.input.sample_count().is_none());
     let is_free = recipe == Recipe::Default && resolutions.is_none() && features.is_none();
     let of = |member: &&Member| {
         let plan = plan(arguments, &member.input, is_isotropic);
         let plan = if is_free && are_functions { plan.of_several_resolutions() } else { plan };
+        let plan = if share_network && hidden.is_none() { plan.wide() } else { plan };
         plan.for_group(members.len(), codes)
     };
     let plans: Vec<Plan> = members.iter().map(of).collect();

@@ -61,8 +61,8 @@ const ALBEDO_ROUNDS: u32 = 3;
 /// Codes of texels where there are more texels than an index can name.
 const MANY_CODES: usize = 4096;
 
-/// Neurons of a hidden layer where the place goes in as well: there is more to learn.
-const SURFACE_WIDTH: usize = 64;
+/// Neurons of a hidden layer of [`Plan::wide`].
+const WIDE: usize = 64;
 
 /// Features of a texel.
 const SURFACE_FEATURES: usize = 8;
@@ -203,11 +203,7 @@ impl Plan {
             _ => MOST_CODES,
         };
         let surface = SurfacePlan { texels, features: SURFACE_FEATURES, codes };
-        let plan = Plan { surface: Some(surface), albedo_rounds: 0, ..self };
-        match self.recipe {
-            Recipe::Default => Plan { hidden: SURFACE_WIDTH, pruned: SURFACE_WIDTH, ..plan },
-            _ => plan,
-        }
+        Plan { surface: Some(surface), albedo_rounds: 0, ..self.wide() }
     }
 
     /// Numbers that go into the network.
@@ -253,6 +249,14 @@ impl Plan {
         .map(|default| codes.unwrap_or(default));
         let pairs = self.pairs.min((GROUP_PAIRS / members.max(1)).max(self.batch));
         Plan { codes, pairs, albedo_rounds: 0, ..self }
+    }
+
+    /// The same where one network has more than a material to learn: all places of one, or those that share it. In the paper's recipe nothing changes.
+    pub fn wide(self) -> Plan {
+        match self.recipe {
+            Recipe::Default => Plan { hidden: WIDE, pruned: WIDE, ..self },
+            _ => self,
+        }
     }
 
     /// The grids of ωi and ωo by turns, the finest first.
