@@ -31,6 +31,9 @@ struct Arguments {
     /// Neurons of each hidden layer instead of the recipe's
     #[arg(long)]
     hidden: Option<usize>,
+    /// Whether networks see the half vector, instead of the recipe's
+    #[arg(long)]
+    half_vector: Option<bool>,
     /// Where results are kept
     #[arg(long, default_value = "target/study-fit")]
     folder: PathBuf,
@@ -105,6 +108,7 @@ fn outcome(arguments: &Arguments, truth: &Truth, model: Model, recipe: Recipe) -
     if let Some(hidden) = arguments.hidden {
         plan = Plan { hidden, pruned: hidden, ..plan };
     }
+    plan.sees_half_vector = arguments.half_vector.unwrap_or(plan.sees_half_vector);
     let path = arguments.folder.join(format!("{}-{}.json", truth.name, key(&plan)?));
     if arguments.print && !path.exists() {
         eprintln!("{} is left out: there is no {}", truth.name, path.display());
