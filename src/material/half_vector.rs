@@ -7,7 +7,7 @@ use crate::scene::brdf::NeuBrdf;
 /// Added to |ωo + ωi|², so that directions along the surface that oppose one another have a half vector to go by as well.
 const LEAST_SQUARE: f64 = 1e-4;
 
-/// The slope at which [`bent`] is at a half.
+/// Where [`bent`] is a half.
 const BEND: f64 = 0.05;
 
 /// x and y of the half vector (ωo + ωi) / √(|ωo + ωi|² + 10⁻⁴), which is a little shorter than a unit vector.
