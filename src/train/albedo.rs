@@ -17,16 +17,13 @@ use rayon::prelude::*;
 
 use super::evaluator::Evaluator;
 use super::gather::in_frame;
-use super::measure::{BLACK, Eval, Query, albedo_points};
+use super::measure::{BLACK, Eval, GOLDEN, Query, albedo_points};
 use super::network::Shard;
 use super::product::padded;
 use crate::scene::brdf::{Encoding, Footprint, Gathered, NO_CODE, NeuBrdf};
 
 /// Views of an isotropic material, even in θ, before those below [`LOWEST_VIEW`] are left out.
 const RINGS: usize = 96;
-
-/// Of steps that fill [0, 1) evenly.
-const GOLDEN: f64 = 0.618_033_988_749_894_9;
 
 /// The least cosine of a view.
 const LOWEST_VIEW: f64 = 0.05;

@@ -3,13 +3,12 @@
 use glam::DVec3;
 use rayon::prelude::*;
 
-use super::gather::{Corners, Rows, Texels, gather_features, in_frame};
+use super::gather::{Corners, Rows, Texels, gather_features, half_vector_in, in_frame};
 use super::measure::Query;
 use super::network::{Network, Shard};
 use super::product::padded;
 use super::result::network_of;
 use super::session::half_difference;
-use crate::material::half_vector;
 use crate::scene::brdf::{
     Codebook, CornerWeights, Encoding, Footprint, NO_CODE, NeuBrdf, SphereTable, SurfaceFrames, SurfaceGrid,
 };
@@ -122,7 +121,7 @@ impl Evaluator {
                 let of_direction = |(table, w)| Corners::of(table, w, *corner_weights);
                 let corners: Vec<Corners> = tables.iter().zip(frame.into_iter().cycle()).map(of_direction).collect();
                 let texels = texels.as_ref().map(|(grid, _)| Texels::of(grid, footprint));
-                let half_vector = sees_half_vector.then(|| half_vector(frame[1], frame[0]).as_vec2());
+                let half_vector = sees_half_vector.then(|| half_vector_in(frame));
                 gather_features(&views, &corners, texels.as_ref(), half_vector, row);
             }
         }

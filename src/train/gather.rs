@@ -3,7 +3,7 @@
 use glam::{DVec3, Vec2};
 
 use super::vector::weighted_sum;
-use crate::material::{half_vector_inputs, turned};
+use crate::material::{half_vector, half_vector_inputs, turned};
 use crate::scene::brdf::{CornerWeights, Footprint, NeuBrdf, SphereTable, SurfaceGrid};
 
 /// Grid points and their weights at a direction.
@@ -79,6 +79,11 @@ pub fn gather_features(
         rest[..NeuBrdf::HALF_VECTOR_INPUTS as usize]
             .copy_from_slice(&half_vector_inputs(half_vector.as_dvec2()).map(|x| x as f32));
     }
+}
+
+/// The half vector of ωi and ωo as a NeuBRDF sees them.
+pub fn half_vector_in([wi, wo]: [DVec3; 2]) -> Vec2 {
+    half_vector(wo, wi).as_vec2()
 }
 
 /// ωi and ωo as a NeuBRDF sees them.

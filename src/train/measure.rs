@@ -108,6 +108,8 @@ const SEED: u64 = 0x6a09_e667_f3bc_c908;
 /// How many θo albedos are compared at, and the step from one to the next, degrees.
 const THETAS: usize = 18;
 const THETA_STEP: f64 = 5.0;
+/// Of steps that fill [0, 1) evenly.
+pub(super) const GOLDEN: f64 = 0.618_033_988_749_894_9;
 /// Points that an albedo is integrated over.
 const ALBEDO_POINTS: usize = 4096;
 
@@ -193,7 +195,6 @@ fn average_albedo(wo: DVec3, count: usize, eval: EvalAt) -> DVec3 {
 /// Directions of light that crowd where lobes are, up to `count`, and the solid angle times the cosine that each stands for: mirrored about half
 /// vectors on a spiral, whose angles are the cubes of even steps. Another `shift`, in turns, gives others.
 pub(super) fn albedo_points(wo: DVec3, count: usize, shift: f64) -> (Vec<DVec3>, Vec<f64>) {
-    const GOLDEN: f64 = 0.618_033_988_749_894_9;
     let point = |i: usize| {
         let step = (i as f64 + 0.5) / count as f64;
         let theta = FRAC_PI_2 * step.powi(3);

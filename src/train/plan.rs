@@ -98,7 +98,7 @@ pub struct Plan {
     /// Texels, where the material varies.
     pub surface: Option<SurfacePlan>,
     /// Whether the network sees where the half vector points.
-    #[serde(default, skip_serializing_if = "is_false")]
+    #[serde(default)]
     pub sees_half_vector: bool,
     /// Neurons of each of the three hidden layers.
     pub hidden: usize,
@@ -126,10 +126,6 @@ pub struct Plan {
     pub albedo_rounds: u32,
 }
 
-fn is_false(value: &bool) -> bool {
-    !value
-}
-
 fn is_zero(number: &u32) -> bool {
     *number == 0
 }
@@ -152,7 +148,7 @@ impl Plan {
             features: 12,
             codes: [MOST_CODES; 2],
             surface: None,
-            sees_half_vector: recipe == Recipe::Default,
+            sees_half_vector: model == Model::NeuBrdf && recipe == Recipe::Default,
             hidden: 32,
             pruned: 32,
             corner_weights: CornerWeights::Bilinear,

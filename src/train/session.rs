@@ -2,12 +2,12 @@
 
 use std::f32::consts::PI;
 
-use glam::{DVec3, Vec2};
+use glam::DVec3;
 use rayon::prelude::*;
 
 use super::albedo::Views;
 use super::energy::{self, Probes};
-use super::gather::{Corners, in_frame};
+use super::gather::{Corners, half_vector_in, in_frame};
 use super::network::Network;
 use super::pairs::{GroundTruth, Pair, about_frames};
 use super::plan::{MOST_CODES, Model, Plan, Recipe};
@@ -17,7 +17,7 @@ use super::result::{TrainedPoints, layers, merged_table, nbrdf, sphere_tables, s
 use super::table::{Quantiser, Table};
 use super::trainer::{Head, Inputs, Loss, Places, Pool, Rates, Trainer, Weighs};
 use super::{Error, Evaluator};
-use crate::material::{fit_lobe, half_vector};
+use crate::material::fit_lobe;
 use crate::scene::brdf::{Encoding, Nbrdf, NeuBrdf, Provenance, SphereGrid, SphereTable, SurfaceFrames, SurfaceGrid};
 use crate::scene::{HalfDifference, SamplingLobe};
 
@@ -383,23 +383,17 @@ pub fn half_difference(wo: DVec3, wi: DVec3, is_isotropic: bool) -> [f32; 6] {
     [half.x, half.y, half.z, across.x, across.y, cosine].map(|x| x as f32)
 }
 
-/// The half vector that a NeuBRDF sees of two directions.
-fn half_vector_of(wo: DVec3, wi: DVec3, is_isotropic: bool) -> Vec2 {
-    let [wi, wo] = in_frame(wo, wi, is_isotropic);
-    half_vector(wo, wi).as_vec2()
-}
-
 /// Where the features of pairs come from; marks the points and pixels that they need.
 fn corner_inputs(plan: &Plan, is_isotropic: bool, pairs: &[Pair], hemispheres: &mut [Hemisphere]) -> Inputs {
     let tables: Vec<SphereTable> = hemispheres.iter().map(|hemisphere| whole_table(hemisphere.grid)).collect();
+    let frame = |pair: &Pair| in_frame(pair.wo.as_dvec3(), pair.wi.as_dvec3(), is_isotropic);
     let located: Vec<(Corners, u32)> = pairs
         .par_iter()
         .flat_map_iter(|pair| {
-            let frame = in_frame(pair.wo.as_dvec3(), pair.wi.as_dvec3(), is_isotropic);
             let at = |(table, w): (&SphereTable, DVec3)| {
                 (Corners::of(table, w, plan.corner_weights), table.grid.locate(w).pixel)
             };
-            tables.iter().zip(frame.into_iter().cycle()).map(at)
+            tables.iter().zip(frame(pair).into_iter().cycle()).map(at)
         })
         .collect();
     for (at, (corners, pixel)) in located.iter().enumerate() {
@@ -409,7 +403,7 @@ fn corner_inputs(plan: &Plan, is_isotropic: bool, pairs: &[Pair], hemispheres: &
             used[point as usize] |= weight > 0.0;
         }
     }
-    let half = |pair: &Pair| half_vector_of(pair.wo.as_dvec3(), pair.wi.as_dvec3(), is_isotropic);
+    let half = |pair: &Pair| half_vector_in(frame(pair));
     Inputs::Gathered {
         sides: tables.len(),
         corners: located.into_iter().map(|(corners, _)| corners).collect(),
@@ -446,8 +440,8 @@ fn add_probes(inputs: &mut Inputs, probes: &[Pair], plan: &Plan, is_isotropic: b
             let merged = |Hemisphere { grid, seen, .. }: &Hemisphere| merged_table(*grid, seen);
             let tables: Vec<SphereTable> = hemispheres.iter().map(merged).collect();
             for (wo, wi) in directions {
-                half_vectors.extend(plan.sees_half_vector.then(|| half_vector_of(wo, wi, is_isotropic)));
                 let frame = in_frame(wo, wi, is_isotropic);
+                half_vectors.extend(plan.sees_half_vector.then(|| half_vector_in(frame)));
                 corners.extend(tables.iter().zip(frame.into_iter().cycle()).map(|(table, w)| {
                     let at = Corners::of(table, w, plan.corner_weights);
                     // Corners that no pair says anything of have the features of others.

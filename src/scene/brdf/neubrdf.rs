@@ -201,14 +201,6 @@ impl NeuBrdf {
     /// Numbers that the network sees of a half vector, if it does.
     pub const HALF_VECTOR_INPUTS: u32 = 8;
 
-    /// Inputs of the network: features, and what it sees of the half vector.
-    pub fn input_count(&self) -> u32 {
-        let surface = self.surface.as_ref().map(|surface| &surface.codebook);
-        let codebooks = self.hemispheres().map(|table| &table.codebook).chain(surface);
-        let half_vector = if self.sees_half_vector { Self::HALF_VECTOR_INPUTS } else { 0 };
-        codebooks.map(|codebook| codebook.features).sum::<u32>() + half_vector
-    }
-
     /// The tables of directions in the order in which the network takes their features: ωi's and ωo's by turns.
     pub fn hemispheres(&self) -> impl Iterator<Item = &SphereTable> {
         [&self.wi, &self.wo].into_iter().chain(self.coarser.iter().flatten())

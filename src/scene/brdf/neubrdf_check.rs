@@ -72,7 +72,8 @@ impl NeuBrdf {
         expect((2..=Self::MAX_LAYERS).contains(&depth), "layers", || format!("{depth} layers"), "2 to 8")?;
         let surface = self.surface.as_ref().map(|surface| &*surface.codebook);
         let codebooks = || self.hemispheres().map(|table| &*table.codebook).chain(surface);
-        let mut width = self.input_count();
+        let half_vector = if self.sees_half_vector { Self::HALF_VECTOR_INPUTS } else { 0 };
+        let mut width = codebooks().map(|codebook| codebook.features).sum::<u32>() + half_vector;
         let most = Self::MAX_WIDTH;
         expect(width <= most, "features", || format!("{width} inputs in all"), format!("at most {most}"))?;
         // What is seen of a half vector is at most 1.
