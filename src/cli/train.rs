@@ -72,8 +72,8 @@ pub struct Arguments {
     /// Most codes of a hemisphere's codebook; by default each grid point has its own, and with --share there are 1024
     #[arg(long)]
     pub(super) codes: Option<usize>,
-    /// Whether the network sees, beside features of both directions, where their half vector points; by default it does, but not by the paper's
-    /// recipe
+    /// Whether the network sees, beside features of both directions, where their half vector points; by default it does, but not by the other
+    /// recipes
     #[arg(long, value_name = "true|false")]
     pub(super) half_vector: Option<bool>,
     /// Neurons of a hidden layer, up to 128
@@ -311,21 +311,22 @@ fn recipe_plan(arguments: &Arguments, input: &BrdfInput, recipe: Recipe, is_isot
 /// What is done: the same, of the sizes that are asked for.
 pub(super) fn plan(arguments: &Arguments, input: &BrdfInput, is_isotropic: bool) -> Plan {
     let plan = recipe_plan(arguments, input, arguments.recipe, is_isotropic);
-    let Plan {
-        n_side, resolutions, features, codes, surface, sees_half_vector, hidden, pruned, corner_weights, ..
-    } = plan;
+    let n_side = arguments.n_side.map_or(plan.n_side, |n_side| [n_side; 2]);
+    // As many as there is room for.
+    let most = n_side[0].max(1).ilog2() as usize + 1;
+    let plan = match arguments.resolutions {
+        Some(resolutions) => Plan { resolutions, ..plan },
+        None => plan.with_resolutions_up_to(most),
+    };
+    let Plan { features, codes, surface, sees_half_vector, hidden, pruned, corner_weights, .. } = plan;
     let surface = surface.map(|surface| SurfacePlan {
         features: arguments.texel_features.unwrap_or(surface.features),
         codes: arguments.texel_codes.unwrap_or(surface.codes),
         ..surface
     });
     let hidden = arguments.hidden.unwrap_or(hidden);
-    let n_side = arguments.n_side.map_or(n_side, |n_side| [n_side; 2]);
-    // As many as there is room for.
-    let most = n_side[0].max(1).ilog2() as usize + 1;
     Plan {
         n_side,
-        resolutions: arguments.resolutions.unwrap_or(resolutions.min(most)),
         features: arguments.features.unwrap_or(features),
         codes: arguments.codes.map_or(codes, |codes| [codes; 2]),
         surface,

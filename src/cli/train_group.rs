@@ -131,7 +131,11 @@ fn plans(arguments: &Arguments, members: &[&Member]) -> Vec<Plan> {
     };
     let plans: Vec<Plan> = members.iter().map(of).collect();
     let resolutions = plans.iter().map(|plan| plan.resolutions).min().unwrap_or(1);
-    plans.into_iter().map(|plan| Plan { resolutions, ..plan }).collect()
+    let fewest = |plan: Plan| match features {
+        Some(_) => Plan { resolutions, ..plan },
+        None => plan.with_resolutions_up_to(resolutions),
+    };
+    plans.into_iter().map(fewest).collect()
 }
 
 fn train_group(

@@ -48,8 +48,9 @@ impl NeuBrdf {
         };
         let [wo, wi] = if self.is_isotropic { turned(wo, wi) } else { [wo, wi] };
         let mut x = Vec::new();
-        for (table, w) in self.hemispheres().zip([wi, wo].into_iter().cycle()) {
-            let gathered = table.gather(w, self.corner_weights);
+        let places = [self.wi.grid.place(wi), self.wo.grid.place(wo)];
+        for (table, at) in self.hemispheres().zip(places.into_iter().cycle()) {
+            let gathered = table.gather(at, self.corner_weights);
             let corners = gathered.points.into_iter().zip(gathered.weights);
             push_weighted_sum(&mut x, &table.codebook, &table.indices, corners);
         }

@@ -80,8 +80,9 @@ pub fn check(is_isotropic: bool, frame: SurfaceFrame, eval: Eval) -> Check {
     let mut max = (f64::NEG_INFINITY, [0.0; 2]);
     for (theta, phi) in thetas.iter().flat_map(|theta| azimuths.iter().map(move |phi| (*theta, *phi))) {
         let theta = theta.min(FRAC_PI_2);
-        let albedo = directional_albedo(direction(theta, phi), ALBEDO_POINTS, eval).max_element();
+        let albedo = directional_albedo(direction(theta, phi), ALBEDO_POINTS, eval);
         // A NaN is the largest of all.
+        let albedo = if albedo.is_nan() { f64::NAN } else { albedo.max_element() };
         if albedo > max.0 || albedo.is_nan() {
             max = (albedo, [theta.to_degrees(), phi.to_degrees()]);
         }

@@ -16,12 +16,10 @@ const PAIRS: usize = 512;
 const GAIN: f64 = 100.0;
 /// At most; groups rarely change after ten.
 const ROUNDS: usize = 50;
-/// Random stream of the pairs, of seed 0; the next one is that of [`shuffled`].
-const STREAM: u64 = 3 << 40;
 
 /// A material's features. Distances between those of two are what clustering goes by.
 pub fn features(eval: &(dyn Fn(DVec3, DVec3) -> DVec3 + Sync)) -> Vec<f64> {
-    let mut random = Random::new(0, STREAM);
+    let mut random = Random::new(0, Random::CLUSTERS);
     let pairs: Vec<(DVec3, DVec3)> = (0..PAIRS).map(|_| draw(&mut random)).collect();
     pairs.par_iter().map(|(wo, wi)| (GAIN * eval(*wo, *wi).element_sum() / 3.0).max(0.0).ln_1p()).collect()
 }
@@ -58,7 +56,7 @@ pub fn groups(features: &[Vec<f64>], count: usize, most: usize) -> Vec<Vec<usize
 
 /// So many numbers in some order, always the same: groups that nothing but chance makes.
 pub fn shuffled(count: usize) -> Vec<usize> {
-    Random::new(0, STREAM + 1).permutation(count).into_iter().map(|index| index as usize).collect()
+    Random::new(0, Random::CLUSTERS + 1).permutation(count).into_iter().map(|index| index as usize).collect()
 }
 
 /// Materials that are far from one another: each the farthest from those before, the first one the farthest from the mean.

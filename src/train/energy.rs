@@ -21,9 +21,6 @@ const STRATA: usize = 8;
 /// Views, one after the other a step.
 const VIEWS: u64 = 512;
 
-/// Random streams of a seed.
-const PROBES: u64 = 3 << 40;
-
 /// Pairs of directions that a fit is asked at, [`DIRECTIONS`] a view, without values.
 pub struct Probes {
     /// The solid angle times the cosine that each stands for: the albedo of a view is the sum of f times these.
@@ -37,7 +34,7 @@ pub struct Probes {
 /// Draws them, over these texels where the material varies, and says what each stands for.
 pub fn draw(seed: u64, grid: Option<SurfaceGrid>) -> (Vec<Pair>, Vec<f32>) {
     let views = (0..VIEWS).flat_map(|view| {
-        let mut random = Random::new(seed, PROBES + view);
+        let mut random = Random::new(seed, Random::PROBES + view);
         // Half of the views by the cosine, half uniform in θ, of which more graze.
         let theta = match view % 2 {
             0 => random.next_f64().sqrt().asin(),

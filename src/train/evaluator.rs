@@ -1,9 +1,11 @@
 //! Trained models at many pairs of directions at once, in `f32`, on all lanes: what reports need.
 
+use std::array::from_fn;
+
 use glam::DVec3;
 use rayon::prelude::*;
 
-use super::gather::{Corners, Rows, Texels, gather_features, half_vector_in, in_frame};
+use super::gather::{Corners, Rows, Texels, gather_features, half_vector_in, in_frame, places};
 use super::measure::Query;
 use super::network::{Network, Shard};
 use super::product::padded;
@@ -30,6 +32,9 @@ struct Features {
     sees_half_vector: bool,
     encoding: Encoding,
 }
+
+/// Tables of directions that a NeuBRDF has at most.
+const MOST_TABLES: usize = 2 * (NeuBrdf::MAX_COARSER + 1);
 
 /// Rows that go through the network together.
 const ROWS: usize = 256;
@@ -93,8 +98,8 @@ impl Evaluator {
             self.network.forward(&mut shard);
             let (outputs, _) = shard.outputs();
             for ((value, output), received) in values.iter_mut().zip(outputs.chunks_exact(padded(3))).zip(received) {
-                *value = DVec3::from_slice(&output[..3].iter().map(|y| f64::from(*y)).collect::<Vec<_>>());
-                *value = received * self.decode(*value);
+                let [r, g, b] = [0, 1, 2].map(|channel| f64::from(output[channel]));
+                *value = received * self.decode(DVec3::new(r, g, b));
             }
         });
         values
@@ -117,12 +122,19 @@ impl Evaluator {
             None => row[..6].copy_from_slice(&half_difference(wo, wi, self.is_isotropic)),
             Some(Features { tables, texels, rows, corner_weights, sees_half_vector, .. }) => {
                 let frame = in_frame(wo, wi, self.is_isotropic);
-                let views: Vec<Rows> = rows.iter().map(|(features, rows)| Rows { features: *features, rows }).collect();
-                let of_direction = |(table, w)| Corners::of(table, w, *corner_weights);
-                let corners: Vec<Corners> = tables.iter().zip(frame.into_iter().cycle()).map(of_direction).collect();
+                let views = from_fn(|table| match rows.get(table) {
+                    Some((features, rows)) => Rows { features: *features, rows },
+                    None => Rows { features: 0, rows: &[] },
+                });
+                let views: &[Rows; MOST_TABLES + 1] = &views;
+                let mut corners = [Corners::default(); MOST_TABLES];
+                let at = tables.iter().zip(places(tables, frame).into_iter().cycle());
+                corners.iter_mut().zip(at).for_each(|(corners, (table, at))| {
+                    *corners = Corners::of(table, at, *corner_weights);
+                });
                 let texels = texels.as_ref().map(|(grid, _)| Texels::of(grid, footprint));
                 let half_vector = sees_half_vector.then(|| half_vector_in(frame));
-                gather_features(&views, &corners, texels.as_ref(), half_vector, row);
+                gather_features(&views[..rows.len()], &corners[..tables.len()], texels.as_ref(), half_vector, row);
             }
         }
     }

@@ -4,7 +4,7 @@ use glam::{DVec3, Vec2};
 
 use super::vector::weighted_sum;
 use crate::material::{half_vector, half_vector_inputs, turned};
-use crate::scene::brdf::{CornerWeights, Footprint, NeuBrdf, SphereTable, SurfaceGrid};
+use crate::scene::brdf::{CornerWeights, Footprint, NeuBrdf, SpherePlace, SphereTable, SurfaceGrid};
 
 /// Grid points and their weights at a direction.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -16,9 +16,9 @@ pub struct Corners {
 }
 
 impl Corners {
-    /// What the features at `w` are made of.
-    pub fn of(table: &SphereTable, w: DVec3, corner_weights: CornerWeights) -> Corners {
-        let gathered = table.gather(w, corner_weights);
+    /// What the features at a place are made of.
+    pub fn of(table: &SphereTable, at: SpherePlace, corner_weights: CornerWeights) -> Corners {
+        let gathered = table.gather(at, corner_weights);
         Corners { points: gathered.points, weights: gathered.weights.map(|weight| weight as f32) }
     }
 }
@@ -79,6 +79,11 @@ pub fn gather_features(
         rest[..NeuBrdf::HALF_VECTOR_INPUTS as usize]
             .copy_from_slice(&half_vector_inputs(half_vector.as_dvec2()).map(|x| x as f32));
     }
+}
+
+/// Where ωi and ωo are on the finest of the tables of [`NeuBrdf::hemispheres`].
+pub fn places(tables: &[SphereTable], frame: [DVec3; 2]) -> [SpherePlace; 2] {
+    [0, 1].map(|side| tables[side].grid.place(frame[side]))
 }
 
 /// The half vector of ωi and ωo as a NeuBRDF sees them.

@@ -11,7 +11,7 @@ use super::network::Network;
 use super::plan::{Model, Plan, Recipe};
 use super::random::Random;
 use super::result::sphere_tables;
-use super::session::{QUANTISE, sampled};
+use super::session::sampled;
 use super::table::{Quantiser, k_means};
 use super::trainer::Rates;
 use super::{Error, Session};
@@ -131,7 +131,7 @@ impl Group {
         }
         let plan = self.members[0].plan.clone();
         let Plan { seed, features, .. } = plan;
-        let mut random = Random::new(seed, QUANTISE);
+        let mut random = Random::new(seed, Random::QUANTISE);
         let sides = self.members[0].hemispheres.len();
         for (side, codes) in plan.table_codes().take(sides).enumerate() {
             let used = |member: &Session| member.trainer.tables[side].used_rows(&member.hemispheres[side].used);

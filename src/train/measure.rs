@@ -137,7 +137,11 @@ pub fn compare_at(size: usize, is_isotropic: bool, fit: EvalAt, truth: EvalAt) -
             flip: fit_ball.flip(&truth_ball),
             psnr: fit_ball.psnr(&truth_ball),
         },
-        worst_albedo: albedo.iter().map(|albedo| albedo.relative().abs()).fold(0.0, f64::max),
+        // A NaN is the worst of all.
+        worst_albedo: albedo
+            .iter()
+            .map(|albedo| albedo.relative().abs())
+            .fold(0.0, |worst, error| if error > worst || error.is_nan() { error } else { worst }),
         albedo,
     };
     Comparison { errors, fit: fit_ball, truth: truth_ball }

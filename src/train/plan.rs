@@ -1,8 +1,10 @@
 //! What a training does, in numbers: one plan gives one result.
 
+use glam::Vec2;
 use serde::{Deserialize, Serialize};
 
 use super::Error;
+use super::gather::Corners;
 use crate::scene::brdf::{CornerWeights, NeuBrdf, SphereGrid, SurfaceGrid};
 
 /// What is trained.
@@ -37,9 +39,9 @@ pub enum Recipe {
 pub enum Quality {
     /// A look at it.
     Draft,
-    /// Less than a minute on two cores.
+    /// Half a minute on two cores.
     Default,
-    /// Several minutes.
+    /// A minute or two.
     Best,
 }
 
@@ -49,14 +51,17 @@ pub(super) const MOST_CODES: usize = (u16::MAX - 1) as usize;
 /// Codes of a hemisphere that groups share, unless the user says otherwise.
 const GROUP_CODES: usize = 1024;
 
-/// Pairs of all members of a group, of 80 bytes each.
-const GROUP_PAIRS: usize = 1 << 24;
+/// Bytes that the pairs of all members of a group may take.
+const GROUP_BYTES: usize = 4_000_000_000;
+
+/// Scores of points for codes in the paper's recipe, of 12 bytes each while they are learned.
+const MOST_SCORES: usize = 1 << 27;
 
 /// What an albedo above 1 counts in a training of measurements.
 const ENERGY: f32 = 1.0;
 
 /// Beyond these a fit pays more than albedos gain (docs/training.md).
-const ALBEDO_ROUNDS: u32 = 3;
+const ALBEDO_ROUNDS: u32 = 6;
 
 /// Codes of texels where there are more texels than an index can name.
 const MANY_CODES: usize = 4096;
@@ -225,14 +230,14 @@ impl Plan {
     /// or more a point. Where they tell nothing, the albedo is held below 1.
     pub fn for_samples(self, count: usize) -> Plan {
         let n_side = (0..=4).map(|power| 1 << power).take_while(|n| 96 * n * n <= count as u32).last().unwrap_or(1);
-        let resolutions = self.resolutions.min(n_side.ilog2() as usize + 1);
-        Plan {
-            n_side: self.n_side.map(|finest| finest.min(n_side)),
-            resolutions,
-            energy: ENERGY,
-            albedo_rounds: 0,
-            ..self
-        }
+        let plan = self.with_resolutions_up_to(n_side.ilog2() as usize + 1);
+        Plan { n_side: plan.n_side.map(|finest| finest.min(n_side)), energy: ENERGY, albedo_rounds: 0, ..plan }
+    }
+
+    /// The same with at most so many resolutions, and as many features in all.
+    pub fn with_resolutions_up_to(self, most: usize) -> Plan {
+        let resolutions = self.resolutions.min(most).max(1);
+        Plan { resolutions, features: self.resolutions * self.features / resolutions, ..self }
     }
 
     /// The same for each of `members` materials that share a codebook a hemisphere: `codes` codes, or what is enough for many. Of
@@ -243,7 +248,9 @@ impl Plan {
             _ => [GROUP_CODES; 2],
         }
         .map(|default| codes.unwrap_or(default));
-        let pairs = self.pairs.min((GROUP_PAIRS / members.max(1)).max(self.batch));
+        // Corners on each grid, the half vector, and the value.
+        let bytes_of_pair = 2 * self.resolutions * size_of::<Corners>() + size_of::<Vec2>() + size_of::<[f32; 4]>();
+        let pairs = self.pairs.min((GROUP_BYTES / (bytes_of_pair * members.max(1))).max(self.batch));
         Plan { codes, pairs, albedo_rounds: 0, ..self }
     }
 
@@ -307,6 +314,14 @@ impl Plan {
         check("--codes", self.codes.into_iter().all(can_be_named), format!("{:?}", self.codes), "2 to 65534")?;
         let codes = self.surface.map_or(2, |surface| surface.codes);
         check("--texel-codes", can_be_named(codes), codes.to_string(), "2 to 65534")?;
+        // By softmax each point has a score for each code.
+        let scores = 2 * self.resolutions * finest * self.codes.into_iter().max().unwrap_or(0) + texels * codes;
+        check(
+            "--codes",
+            self.recipe != Recipe::Paper || scores <= MOST_SCORES,
+            format!("{} codes and {texels} texels, which take {scores} scores", self.codes[0]),
+            "at most 2^27 scores of points for codes by --recipe paper: fewer --codes, a smaller --n-side or fewer --texels",
+        )?;
         let batch = self.batch;
         check(
             "--batch",

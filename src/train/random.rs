@@ -4,6 +4,20 @@
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Random(u64);
 
+/// The streams of a seed. Pairs are drawn from those from 0 on, some thousands a stream.
+impl Random {
+    /// What a training begins with.
+    pub const START: u64 = 1 << 40;
+    /// What codes begin with.
+    pub const QUANTISE: u64 = 2 << 40;
+    /// Views that are asked for their albedos, and those after it.
+    pub const PROBES: u64 = 3 << 40;
+    /// The order of pairs in the first epoch; the next are those after it.
+    pub const EPOCHS: u64 = 4 << 40;
+    /// Pairs that materials are compared at; the next is that of groups that nothing but chance makes.
+    pub const CLUSTERS: u64 = 5 << 40;
+}
+
 impl Random {
     /// The sequence of number `stream` of a seed.
     pub fn new(seed: u64, stream: u64) -> Random {

@@ -7,7 +7,7 @@ use rayon::prelude::*;
 
 use super::albedo::Views;
 use super::energy::{self, Probes};
-use super::gather::{Corners, half_vector_in, in_frame};
+use super::gather::{Corners, half_vector_in, in_frame, places};
 use super::network::Network;
 use super::pairs::{GroundTruth, Pair, about_frames};
 use super::plan::{MOST_CODES, Model, Plan, Recipe};
@@ -18,7 +18,9 @@ use super::table::{Quantiser, Table};
 use super::trainer::{Head, Inputs, Loss, Places, Pool, Rates, Trainer, Weighs};
 use super::{Error, Evaluator};
 use crate::material::fit_lobe;
-use crate::scene::brdf::{Encoding, Nbrdf, NeuBrdf, Provenance, SphereGrid, SphereTable, SurfaceFrames, SurfaceGrid};
+use crate::scene::brdf::{
+    Encoding, Nbrdf, NeuBrdf, Provenance, SphereGrid, SpherePlace, SphereTable, SurfaceFrames, SurfaceGrid,
+};
 use crate::scene::{HalfDifference, SamplingLobe};
 
 /// Share of the steps after which points are given codes: the features have settled, and the rest of the steps fits codes.
@@ -41,10 +43,6 @@ const MOST_GAIN: f32 = 1e5;
 
 /// Pull of the weights to 0 in the paper's recipe, which gives no figure: in all, a small part of the loss.
 const SPARSITY: f32 = 1e-5;
-
-/// Random streams of a seed; pairs take those from 0, epochs their own seed.
-const START: u64 = 1 << 40;
-pub(super) const QUANTISE: u64 = 2 << 40;
 
 /// A model while it is trained, and all that continuing takes.
 pub struct Session {
@@ -177,7 +175,7 @@ impl Session {
         if self.plan.recipe != Recipe::Default {
             return;
         }
-        let mut random = Random::new(self.plan.seed, QUANTISE);
+        let mut random = Random::new(self.plan.seed, Random::QUANTISE);
         let all_texels = vec![true; self.texels.map_or(0, |grid| grid.point_count())];
         let used = self.hemispheres.iter().map(|hemisphere| &hemisphere.used).chain([&all_texels]);
         for ((table, used), codes) in self.trainer.tables.iter_mut().zip(used).zip(self.plan.table_codes()) {
@@ -352,7 +350,7 @@ fn start(
     texels: Option<SurfaceGrid>,
     encoding: Encoding,
 ) -> (Network, Vec<Table>, Head) {
-    let random = &mut Random::new(plan.seed, START);
+    let random = &mut Random::new(plan.seed, Random::START);
     let Encoding { gain, scale, .. } = encoding;
     let Plan { features, hidden, .. } = *plan;
     if plan.model == Model::Nbrdf {
@@ -390,10 +388,10 @@ fn corner_inputs(plan: &Plan, is_isotropic: bool, pairs: &[Pair], hemispheres: &
     let located: Vec<(Corners, u32)> = pairs
         .par_iter()
         .flat_map_iter(|pair| {
-            let at = |(table, w): (&SphereTable, DVec3)| {
-                (Corners::of(table, w, plan.corner_weights), table.grid.locate(w).pixel)
+            let at = |(table, at): (&SphereTable, SpherePlace)| {
+                (Corners::of(table, at, plan.corner_weights), at.on(table.grid).located().pixel)
             };
-            tables.iter().zip(frame(pair).into_iter().cycle()).map(at)
+            tables.iter().zip(places(&tables, frame(pair)).into_iter().cycle()).map(at)
         })
         .collect();
     for (at, (corners, pixel)) in located.iter().enumerate() {
@@ -442,8 +440,9 @@ fn add_probes(inputs: &mut Inputs, probes: &[Pair], plan: &Plan, is_isotropic: b
             for (wo, wi) in directions {
                 let frame = in_frame(wo, wi, is_isotropic);
                 half_vectors.extend(plan.sees_half_vector.then(|| half_vector_in(frame)));
-                corners.extend(tables.iter().zip(frame.into_iter().cycle()).map(|(table, w)| {
-                    let at = Corners::of(table, w, plan.corner_weights);
+                let places = places(&tables, frame);
+                corners.extend(tables.iter().zip(places.into_iter().cycle()).map(|(table, at)| {
+                    let at = Corners::of(table, at, plan.corner_weights);
                     // Corners that no pair says anything of have the features of others.
                     Corners { points: at.points.map(|point| table.indices[point as usize].into()), ..at }
                 }));

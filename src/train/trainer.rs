@@ -335,7 +335,7 @@ impl Trainer {
                 let place = u64::from(self.step) * count as u64 + i;
                 let epoch = place / total as u64;
                 if epoch != self.epoch {
-                    self.order = Random::new(self.seed, epoch).permutation(total);
+                    self.order = Random::new(self.seed, Random::EPOCHS + epoch).permutation(total);
                     self.epoch = epoch;
                 }
                 self.order[(place % total as u64) as usize]

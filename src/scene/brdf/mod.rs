@@ -33,7 +33,7 @@ pub use neubrdf_payload::Precision;
 pub use rgl::{Rgl, RglTable, RglTables, RglWarp};
 pub use sampling_lobe::SamplingLobe;
 pub use sparse::{Sparse, SparseSample, SurfaceSamples};
-pub use sphere_grid::{Located, POLE, SphereGrid};
+pub use sphere_grid::{Located, POLE, SphereGrid, SpherePlace};
 #[cfg(test)]
 pub(crate) use surface_frames::leaning_frame;
 pub use surface_frames::{SurfaceFrame, SurfaceFrames};

@@ -7,7 +7,7 @@ use std::sync::Arc;
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
-use super::{Located, SamplingLobe, SphereGrid, SurfaceTable};
+use super::{Located, SamplingLobe, SphereGrid, SpherePlace, SurfaceTable};
 use crate::scene::hash::put;
 
 /// [`SphereTable::indices`] of a point that is a corner of no pixel, since merging made its pixels one.
@@ -62,10 +62,10 @@ pub struct Gathered {
 }
 
 impl SphereTable {
-    /// What the features at a direction are made of.
-    pub fn gather(&self, w: DVec3, corner_weights: CornerWeights) -> Gathered {
+    /// What the features at a place of this grid or a finer one are made of.
+    pub fn gather(&self, at: SpherePlace, corner_weights: CornerWeights) -> Gathered {
         let mut level = 0;
-        let located = self.grid.locate_merged(w, |pixel| {
+        let located = at.on(self.grid).merged(|pixel| {
             level = self.levels.get(pixel as usize).map_or(0, |level| u32::from(*level));
             level
         });

@@ -53,6 +53,34 @@ impl Located {
     }
 }
 
+/// Where a direction is on a grid, and so on all coarser ones: what takes an arc tangent is done once.
+#[derive(Clone, Copy, Debug)]
+pub struct SpherePlace {
+    grid: SphereGrid,
+    cell: Cell,
+}
+
+impl SpherePlace {
+    /// The same place on a grid that is not finer.
+    pub fn on(self, grid: SphereGrid) -> SpherePlace {
+        SpherePlace { grid, cell: self.cell.coarser(self.grid.max_level() - grid.max_level()) }
+    }
+
+    /// As [`SphereGrid::locate`].
+    pub fn located(self) -> Located {
+        self.cell.located(self.grid)
+    }
+
+    /// The same where pixels were merged: `level` tells how often the one was that [`SphereGrid::locate`] finds.
+    pub fn merged(self, level: impl FnOnce(u32) -> u32) -> Located {
+        let located = self.located();
+        match level(located.pixel).min(self.grid.max_level()) {
+            0 => located,
+            level => Located { pixel: located.pixel, ..self.cell.ancestor(self.grid, level).located(self.grid) },
+        }
+    }
+}
+
 impl SphereGrid {
     /// The finest grid.
     pub const MAX_N_SIDE: u32 = 128;
@@ -90,17 +118,12 @@ impl SphereGrid {
     /// Any vector is fine: what is below the equator counts as on it, what has no direction as the pole. On a border any pixel
     /// that it belongs to may be returned; azimuths in [0, π] give pixels that reach into them.
     pub fn locate(self, w: DVec3) -> Located {
-        Cell::containing(self, w).located(self)
+        self.place(w).located()
     }
 
-    /// As [`SphereGrid::locate`] where pixels were merged: `level` tells how often the one was that [`SphereGrid::locate`] finds.
-    pub fn locate_merged(self, w: DVec3, level: impl FnOnce(u32) -> u32) -> Located {
-        let cell = Cell::containing(self, w);
-        let located = cell.located(self);
-        match level(located.pixel).min(self.max_level()) {
-            0 => located,
-            level => Located { pixel: located.pixel, ..cell.ancestor(self, level).located(self) },
-        }
+    /// Where a direction is, to be looked up on this grid and on coarser ones.
+    pub fn place(self, w: DVec3) -> SpherePlace {
+        SpherePlace { grid: self, cell: Cell::containing(self, w) }
     }
 
     /// The direction of a grid point, which is below [`SphereGrid::point_count`].
@@ -234,7 +257,7 @@ impl Cell {
         let (quadrant, along, across) = quarter(w);
         // 3(1 − z) = 3(1 − z²)/(1 + z), without the cancellation.
         let z = w.z.max(0.0);
-        let polar = along.hypot(across) * (3.0 / (1.0 + z)).sqrt();
+        let polar = (along * along + across * across).sqrt() * (3.0 / (1.0 + z)).sqrt();
         let tau = (across.atan2(along) * std::f64::consts::FRAC_2_PI).min(1.0);
         let [a, b] = if polar < 1.0 {
             [tau * polar, (1.0 - tau) * polar]
@@ -248,6 +271,14 @@ impl Cell {
         let j = (y as u32).min(2 * n - 1 - i);
         let inside = |x: f64, i: u32| (x - f64::from(i)).clamp(0.0, 1.0);
         Cell { quadrant, i, j, size: 1, u: inside(x, i), v: inside(y, j) }
+    }
+
+    /// The same place on a grid of so many levels less, where a side is one step again.
+    fn coarser(self, levels: u32) -> Cell {
+        let size = f64::from(1u32 << levels);
+        let parent = |i: u32, u: f64| (i >> levels, (f64::from(i & ((1 << levels) - 1)) + u) / size);
+        let ((i, u), (j, v)) = (parent(self.i, self.u), parent(self.j, self.v));
+        Cell { i, j, u, v, ..self }
     }
 
     /// The pixel `level` levels up that contains this one.
@@ -502,7 +533,7 @@ mod tests {
             let coarse = grid(16 >> level);
             for _ in 0..20_000 {
                 let w = random.direction();
-                let (merged, expected) = (fine.locate_merged(w, |_| level), coarse.locate(w));
+                let (merged, expected) = (fine.place(w).merged(|_| level), coarse.locate(w));
                 assert_eq!(merged.pixel, fine.locate(w).pixel);
                 for (corner, expected) in merged.corners.into_iter().zip(expected.corners) {
                     assert!((fine.point(corner as usize) - coarse.point(expected as usize)).length() < 1e-12);
