@@ -53,7 +53,7 @@ bench: install-test
 	$(CARGO) bench $(FEATURES) --bench rays -- $(RAYS)
 	$(CARGO) bench $(FEATURES) --bench render -- $(SECTIONS)
 
-## Fits every published network and our own surfaces, and prints the table of docs/training.md: about a minute a material on two
+## Fits every published network and our own surfaces, and prints the table of docs/fits.md: about half a minute a material on two
 ## cores. It goes on where it was stopped. MATERIALS restricts it: names, `published`, `ours`; QUALITY is draft, default or best;
 ## RECIPES are set side by side: default, paper, unquantised, with commas between.
 MATERIALS :=
