@@ -244,6 +244,16 @@ fn the_examples_of_the_documentation_compile_and_compute_the_albedo() {
     }
 }
 
+/// What turns with its frames does not stay as it is when directions turn about z.
+#[test]
+fn a_description_says_what_is_isotropic_about_z() {
+    let plain = Shape { n_side: 2, codes: 9, is_isotropic: true, ..Shape::FULL };
+    let leaning = Shape { surface: Some(([4, 4], 3)), has_frames: true, ..plain };
+    let models = [plain, leaning].map(|shape| random_neubrdf(shape, 5));
+    let exported = export(&named(&models.each_ref()), Language::Glsl, Place::default()).unwrap();
+    assert_eq!([0, 1].map(|model| exported.models[model].is_isotropic), [true, false]);
+}
+
 #[test]
 fn every_language_names_the_three_functions_and_the_buffer() {
     let place = Place { group: 2, binding: 3 };
@@ -288,10 +298,11 @@ fn what_cannot_be_exported_is_an_error() {
     infinite.layers[1].bias[0] = f32::INFINITY;
     assert!(message(&named(&[&infinite]), Place::default()).contains("layers[1]"));
     // A name is part of a comment, and stays within it.
-    let named = [("a\nfn evil() {}\u{2028}\\".to_owned(), model)];
+    let line_breaks = ['\n', '\r', '\u{b}', '\u{c}', '\u{85}', '\u{2028}', '\u{2029}'];
+    let named = [(line_breaks.map(|line_break| format!("a{line_break}fn evil() {{}}\\")).concat(), model)];
     for language in [Language::Glsl, Language::Wgsl, Language::Hlsl, Language::Msl] {
         let text = export(&named, language, Place::default()).unwrap().shader;
-        assert!(text.lines().all(|line| !line.starts_with("fn evil")), "{language}");
+        assert!(text.split(line_breaks).all(|line| !line.starts_with("fn evil")), "{language}");
     }
 }
 
@@ -312,12 +323,21 @@ fn the_command_writes_module_data_and_description() {
     let expected =
         export(&[("denim".to_owned(), shipped("denim"))], Language::Wgsl, Place { group: 1, binding: 0 }).unwrap();
     assert_eq!(std::fs::read_to_string(at("denim.wgsl")).unwrap(), expected.shader);
-    assert_eq!(std::fs::read(at("denim.bin")).unwrap(), expected.bytes());
+    assert_eq!(std::fs::read(at("denim.wgsl.bin")).unwrap(), expected.bytes());
     let description: serde_json::Value =
         serde_json::from_slice(&std::fs::read(at("denim.wgsl.json")).unwrap()).unwrap();
     assert_eq!(description["bytes"], expected.bytes().len());
     assert_eq!(description["models"][0]["first_word"], 0);
     assert_eq!(description["group"], 1);
+    assert_eq!(description["data"], "denim.wgsl.bin");
+
+    // In another language, of other models, beside it: the first one's data stay its own. A slash asks for a directory.
+    let chrome = input.replace("denim", "chrome_polished");
+    let (succeeds, log) = run(&[&input, &chrome, "--shader", "glsl", "-o", &output]);
+    assert!(succeeds && std::fs::read(at("denim.wgsl.bin")).unwrap() == expected.bytes(), "{log}");
+    assert!(std::fs::metadata(at("denim.glsl.bin")).unwrap().len() > expected.bytes().len() as u64);
+    let (succeeds, log) = run(&[&input, "--shader", "wgsl", "--group", "1", "-o", &text(&at("new/er/"))]);
+    assert!(succeeds && std::fs::read_to_string(at("new/er/denim.wgsl")).unwrap() == expected.shader, "{log}");
 
     let files = || std::fs::read_dir(folder.path()).unwrap().count();
     let before = files();
@@ -337,11 +357,19 @@ fn the_command_writes_module_data_and_description() {
         refused(&[&text(&broken), "--shader", "hlsl", "-o", &output], wanted);
     }
     std::fs::remove_file(&broken).unwrap();
+    let recipe = input.replace(".neubrdf", ".toml");
+    refused(
+        &[&recipe, "--shader", "hlsl", "-o", &output],
+        "does not begin as a .neubrdf file, expected a .neubrdf file",
+    );
     refused(&[&text(&at("none.neubrdf")), "--shader", "msl", "-o", &output], "none.neubrdf");
     refused(&[&input, "--shader", "spirv", "-o", &output], "expected glsl, wgsl, hlsl or msl");
     refused(&[&input, "--shader", "glsl"], "--output");
     refused(&[&input, "--shader", "glsl", "-o", &text(&at("there/denim.glsl"))], "there is no directory");
-    refused(&[&input, "--shader", "glsl", "-o", &text(&at("denim.bin"))], "written twice");
+    refused(
+        &[&input, "--shader", "glsl", "-o", &text(&at("denim.wgsl/"))],
+        "denim.wgsl/: the directory cannot be made",
+    );
     refused(&[&input], "--shader");
     assert_eq!(files(), before, "what fails writes nothing");
 }

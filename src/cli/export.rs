@@ -1,8 +1,9 @@
 //! `neubrdf export`.
 
 use std::ffi::OsStr;
+use std::fs::create_dir_all;
 use std::io::Write;
-use std::path::{Path, PathBuf};
+use std::path::{Path, PathBuf, is_separator};
 use std::process::ExitCode;
 
 use anyhow::{Context, Result, bail};
@@ -24,7 +25,8 @@ pub struct Arguments {
     /// Write a module with the functions neubrdf_eval, neubrdf_pdf and neubrdf_sample: glsl, wgsl, hlsl or msl
     #[arg(long, value_name = "LANGUAGE", required_unless_present = "mitsuba")]
     shader: Option<Language>,
-    /// The module to write, or a directory for it; its data (.bin) and their description (.json behind the module's name) go beside it
+    /// The module to write, or a directory for it (made, if its name ends in a slash); its data and their description go beside it, .bin and
+    /// .json behind the module's name
     #[arg(
         short,
         long,
@@ -69,11 +71,6 @@ fn write_scene(arguments: &Arguments, directory: &Path) -> Result<()> {
 }
 
 fn write_shader(arguments: &Arguments, language: Language, output: &Path) -> Result<()> {
-    let module = module_path(&arguments.inputs, language, output)?;
-    let data = module.with_extension("bin");
-    // X.json is the report of a training.
-    let description = PathBuf::from(format!("{}.json", module.display()));
-    check_outputs([&module, &data, &description].map(PathBuf::as_path), arguments.inputs.iter().map(PathBuf::as_path))?;
     let mut models = Vec::new();
     for path in &arguments.inputs {
         let file = stem(path)?;
@@ -82,6 +79,15 @@ fn write_shader(arguments: &Arguments, language: Language, output: &Path) -> Res
     }
     let place = Place { group: arguments.group, binding: arguments.binding };
     let exported = export(&models, language, place)?;
+
+    let module = module_path(&arguments.inputs, language, output)?;
+    // Behind the whole name: X.bin would be that of X in each language, and X.json is the report of a training.
+    let [data, description] = ["bin", "json"].map(|ending| {
+        let mut path = module.clone().into_os_string();
+        path.push(format!(".{ending}"));
+        PathBuf::from(path)
+    });
+    check_outputs([&module, &data, &description].map(PathBuf::as_path), arguments.inputs.iter().map(PathBuf::as_path))?;
     let description_text = format!("{:#}\n", describe(&exported, language, place, [&module, &data])?);
     for (path, bytes) in [
         (&data, exported.bytes()),
@@ -96,8 +102,12 @@ fn write_shader(arguments: &Arguments, language: Language, output: &Path) -> Res
     Ok(())
 }
 
-/// The file of the module: `output`, or in that directory one that is named as the first input.
+/// The file of the module: `output`, or in that directory one that is named as the first input. A name that ends in a slash can only be a
+/// directory's: it is made.
 fn module_path(inputs: &[PathBuf], language: Language, output: &Path) -> Result<PathBuf> {
+    if output.to_string_lossy().ends_with(is_separator) {
+        create_dir_all(output).with_context(|| format!("{}: the directory cannot be made", output.display()))?;
+    }
     Ok(match inputs {
         [first, ..] if output.is_dir() => output.join(format!("{}.{}", stem(first)?, language.extension())),
         _ => output.to_owned(),

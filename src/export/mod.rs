@@ -126,7 +126,7 @@ pub struct ExportedModel {
     pub name: String,
     /// Where it begins in the buffer, in words of four bytes: the argument `model`.
     pub first_word: u32,
-    /// Whether only the difference of azimuths matters.
+    /// Whether only the difference of azimuths matters: of one with frames it does not, as these have azimuths of their own.
     pub is_isotropic: bool,
     /// What it was trained on.
     pub source: String,
@@ -199,7 +199,7 @@ pub fn export(models: &[(String, NeuBrdf)], language: Language, place: Place) ->
         .map(|((name, model), first_word)| ExportedModel {
             name: name.clone(),
             first_word,
-            is_isotropic: model.is_isotropic,
+            is_isotropic: model.is_isotropic_about_z(),
             source: model.provenance.source.clone(),
         })
         .collect();
@@ -220,8 +220,9 @@ impl Exported {
 
 /// The comment that a module begins with.
 fn header(language: Language, place: Place, models: &[ExportedModel]) -> String {
-    // A name from a file must not end the line.
-    let printable = |text: &str| text.replace(|c: char| c.is_control() || c == '\\', " ");
+    // A name from a file must not end the line. WGSL has line breaks that are no control characters.
+    let ends_lines = |c: char| c.is_control() || matches!(c, '\u{2028}' | '\u{2029}' | '\\');
+    let printable = |text: &str| text.replace(ends_lines, " ");
     let mut text = format!(
         "// NeuBRDFs as {language}, by neubrdf {}: the material alone.\n//\n\
          // Functions; directions are unit vectors that point away from the surface, x along the tangent, z along the normal:\n\

@@ -214,13 +214,14 @@ impl NeuBrdfPack {
     /// For anything else, naming the part that is wrong. Allocates no more than some sixteen times the length of `bytes` and a MiB for
     /// each material.
     pub fn decode(bytes: &[u8]) -> Result<NeuBrdfPack, Flaw> {
+        if !bytes.starts_with(&MAGIC) && !MAGIC.starts_with(bytes) {
+            let expected = "a .neubrdf file, as `neubrdf train` makes it of a material";
+            return Err(Flaw::new("file", "one that does not begin as a .neubrdf file", expected));
+        }
         let is_cut = || Flaw::new("file", format!("{} bytes", bytes.len()), "more: it is cut off");
         let (content, hash) = bytes.split_last_chunk::<HASH_BYTES>().ok_or_else(is_cut)?;
         let (preamble, content_rest) = content.split_first_chunk::<PREAMBLE_BYTES>().ok_or_else(is_cut)?;
         let word = |at: usize| u32::from_le_bytes(std::array::from_fn(|i| preamble[at + i]));
-        if preamble[..8] != MAGIC {
-            return Err(Flaw::new("magic", format!("{:02x?}", &preamble[..8]), "a .neubrdf file"));
-        }
         if !(1..=VERSION).contains(&word(8)) {
             return Err(Flaw::new("version", word(8).to_string(), format!("1 or {VERSION}")));
         }
