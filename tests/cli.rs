@@ -148,6 +148,14 @@ fn an_interrupted_render_resumes_to_the_same_file() {
     render("5", &path("part.exr"), &["--checkpoint", text(&state)]);
     let resumed = render("12", &path("resumed.exr"), &["--checkpoint", text(&state), "--resume"]);
     assert!(whole == resumed);
+    // What it would replace is told; nothing is.
+    let again = |state: &Path| fail(&["render", text(&obj), "-o", text(&path("x.exr")), "--checkpoint", text(state)]);
+    let same = std::fs::read(&state).unwrap();
+    let message = again(&state);
+    assert!(message.contains("holds a render of 12 samples a pixel; say --resume"), "{message}");
+    let message = again(&path("whole.exr"));
+    assert!(message.contains("whole.exr: is no checkpoint"), "{message}");
+    assert!(std::fs::read(&state).unwrap() == same && !path("x.exr").exists());
     let message = fail(&[
         "render",
         text(&obj),
@@ -270,6 +278,41 @@ fn a_render_that_is_told_to_end_loses_nothing() {
     assert!(read_exr(&exr).unwrap().1.spp > 0);
 }
 
+/// What is ended early looks like what is done, but for a word.
+#[test]
+fn what_is_interrupted_says_so() {
+    let (directory, obj) = bare_obj();
+    let (csv, path) = (matte_samples(directory.path()), |name: &str| directory.path().join(name));
+    let (model, exr) = (path("matte.neubrdf"), path("out.exr"));
+    let told_to_end = |arguments: &[&str]| {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_neubrdf"));
+        let mut child = command.args(arguments).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+        // Not before it listens.
+        let listens = |status: String| {
+            let caught = status.lines().find_map(|line| line.strip_prefix("SigCgt:")).map(str::trim);
+            u64::from_str_radix(caught.unwrap_or("0"), 16).unwrap() >> 14 & 1 == 1
+        };
+        while !listens(std::fs::read_to_string(format!("/proc/{}/status", child.id())).unwrap()) {
+            assert!(child.try_wait().unwrap().is_none(), "{arguments:?} ended by itself");
+            std::thread::sleep(std::time::Duration::from_millis(5));
+        }
+        assert!(Command::new("kill").args(["-TERM", &child.id().to_string()]).status().unwrap().success());
+        let output = child.wait_with_output().unwrap();
+        assert!(output.status.success(), "{}", stderr(&output));
+        stderr(&output) + &String::from_utf8(output.stdout).unwrap()
+    };
+    let train = ["train", text(&csv), "-o", text(&model), "--quality", "draft", "--steps", "5000", "--hidden", "16"];
+    let share = [&train[..], &["--share"]].concat();
+    for arguments in [&train[..], &share] {
+        let said = told_to_end(arguments);
+        assert!(said.contains(&format!("interrupted: {}: ", model.display())), "{said}");
+    }
+    if cfg!(feature = "embree") {
+        let said = told_to_end(&["reference", text(&obj), "-o", text(&exr), "--size", "512x512", "--spp", "1000000"]);
+        assert!(said.contains("interrupted: ") && exr.exists(), "{said}");
+    }
+}
+
 #[test]
 fn compare_exits_by_its_thresholds() {
     if driver(LAVAPIPE).is_none() {
@@ -390,6 +433,9 @@ fn materials_are_grouped_and_trained_together() {
     let whole = ["group-1.neubrdf", "group-2.neubrdf"].map(|name| std::fs::read(at(name)).unwrap());
     let checkpoint = ["--groups", "2", "--checkpoint", text(&state)];
     train("group.neubrdf", &checkpoint);
+    let output = at("group.neubrdf");
+    let again = [&["train"], &inputs[..], &["-o", text(&output), "--share"], &checkpoint].concat();
+    assert!(fail(&again).contains("state-1: holds a training of 60 steps; say --resume"));
     std::fs::remove_file(at("state-2")).unwrap();
     train("group.neubrdf", &[&checkpoint[..], &["--resume"]].concat());
     assert!(whole == ["group-1.neubrdf", "group-2.neubrdf"].map(|name| std::fs::read(at(name)).unwrap()));
@@ -465,7 +511,10 @@ fn mistakes_in_training_name_the_thing() {
     let other = directory.path().join("other");
     std::fs::copy(good, &other).unwrap();
     let checkpoint = ["--resume", "--checkpoint", text(&other), "--quality", "draft"];
-    assert!(fail(&[&["train", good, "-o", out][..], &checkpoint].concat()).contains("not a checkpoint"));
+    for checkpoint in [&checkpoint[..], &checkpoint[1..]] {
+        assert!(fail(&[&["train", good, "-o", out][..], checkpoint].concat()).contains("other: is no checkpoint"));
+    }
+    assert!(std::fs::read(&other).unwrap() == std::fs::read(good).unwrap());
     assert!(!Path::new(out).exists());
     for input in ["/nonexistent.neubrdf", good] {
         assert!(!neubrdf(&["material", input, "--plot", "lobes.png"]).status.success());

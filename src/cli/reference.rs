@@ -40,8 +40,9 @@ pub fn run(arguments: Arguments) -> Result<ExitCode> {
     metadata.scene_hash = scene.hash();
     arguments.job.write(&picture, &metadata)?;
     if !arguments.job.quiet {
+        let interrupted = if statistics.least_spp < arguments.spp { "interrupted: " } else { "" };
         note!(
-            "{} spp in {:.1} s, {:.2} Msamples/s",
+            "{interrupted}{} spp in {:.1} s, {:.2} Msamples/s",
             statistics.least_spp,
             statistics.seconds,
             statistics.samples as f64 * 1e-6 / statistics.seconds.max(1e-9)

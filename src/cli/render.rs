@@ -61,7 +61,7 @@ pub struct Arguments {
     /// Paths in flight; by default what suits the device
     #[arg(long, value_name = "PATHS", value_parser = clap::value_parser!(u32).range(1..))]
     pool: Option<u32>,
-    /// Save resumable state to this file about once a minute and at the end
+    /// Save resumable state to this file about once a minute and at the end; without --resume it must not be there yet
     #[arg(long, value_name = "FILE")]
     checkpoint: Option<PathBuf>,
     /// Seconds between two checkpoints
@@ -115,6 +115,14 @@ pub fn run(arguments: Arguments) -> Result<ExitCode> {
         if limit.is_nan() || limit <= 0.0 {
             bail!("--time and --error take numbers above 0, not {limit}");
         }
+    }
+    if let Some(path) = arguments.checkpoint.as_deref().filter(|path| !arguments.resume && path.is_file()) {
+        // Without a word it would be lost.
+        let samples = Checkpoint::read(path)?.samples;
+        bail!(
+            "{}: holds a render of {samples} samples a pixel; say --resume to go on with it, or remove it",
+            path.display()
+        );
     }
     let loading = Instant::now();
     let scene = arguments.job.load(arguments.checkpoint.as_deref())?;

@@ -11,7 +11,9 @@ use glam::DVec3;
 use neubrdf::image::atomic_write;
 use neubrdf::scene::brdf::{CornerWeights, NeuBrdf, Precision};
 use neubrdf::train::measure::{Comparison, FitErrors, Query, compare_at};
-use neubrdf::train::{Evaluator, Model, Plan, Quality, Recipe, RecipeResult, Report, Session, SurfacePlan};
+use neubrdf::train::{
+    Evaluator, Model, Plan, Quality, Recipe, RecipeResult, Report, Session, SurfacePlan, saved_steps,
+};
 use rayon::prelude::*;
 
 use super::brdf_input::{BrdfInput, Drawing};
@@ -94,7 +96,7 @@ pub struct Arguments {
     /// Store 32 bits a number instead of 16
     #[arg(long)]
     pub(super) f32: bool,
-    /// Save resumable state to this file about twice a minute
+    /// Save resumable state to this file about twice a minute; without --resume it must not be there yet
     #[arg(long, value_name = "FILE")]
     pub(super) checkpoint: Option<PathBuf>,
     /// Go on from the --checkpoint file
@@ -124,10 +126,10 @@ pub fn run(arguments: Arguments) -> Result<ExitCode> {
     if let Some(options) = size_options(&arguments).filter(|_| arguments.model == Model::Nbrdf) {
         bail!("{options}: an NBRDF has one size, 6 → 21 → 21 → 3, and 32 bits a number; leave this out");
     }
-    check_outputs(&arguments, &arguments.output, arguments.checkpoint.as_deref())?;
     if arguments.share {
         return train_group::run(&arguments);
     }
+    check_outputs(&arguments, &arguments.output, arguments.checkpoint.as_deref())?;
     let ([path], [] | [_]) = (arguments.inputs.as_slice(), arguments.name.as_slice()) else {
         bail!("several materials: say --share to train them together");
     };
@@ -221,8 +223,9 @@ pub fn run(arguments: Arguments) -> Result<ExitCode> {
     }
     if !arguments.quiet {
         let FitErrors { pairs, ball, worst_albedo, .. } = &report.errors;
+        let interrupted = if session.steps() < session.plan.steps { "interrupted: " } else { "" };
         tell!(
-            "{}: {} bytes, {} steps in {seconds:.1} s; ball SSIM {:.4}, FLIP {:.4}; mean |Δ ln(1+f)| {:.5}, worst albedo {:.2} %",
+            "{interrupted}{}: {} bytes, {} steps in {seconds:.1} s; ball SSIM {:.4}, FLIP {:.4}; mean |Δ ln(1+f)| {:.5}, worst albedo {:.2} %",
             arguments.output.display(),
             report.bytes,
             report.steps,
@@ -240,7 +243,13 @@ pub(super) fn check_outputs(arguments: &Arguments, output: &Path, checkpoint: Op
     let [json, html] = ["json", "html"].map(|ending| output.with_extension(ending));
     let report = [json.as_path(), html.as_path()].into_iter().filter(|_| !arguments.no_report);
     let outputs = [output].into_iter().chain(report).chain(checkpoint);
-    job::check_outputs(outputs, arguments.inputs.iter().map(PathBuf::as_path))
+    job::check_outputs(outputs, arguments.inputs.iter().map(PathBuf::as_path))?;
+    if let Some(path) = checkpoint.filter(|path| !arguments.resume && path.is_file()) {
+        // Without a word it would be lost.
+        let steps = saved_steps(path)?;
+        bail!("{}: holds a training of {steps} steps; say --resume to go on with it, or remove it", path.display());
+    }
+    Ok(())
 }
 
 /// Those of the sizes of a NeuBRDF that were given, by their names.

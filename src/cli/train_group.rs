@@ -205,8 +205,9 @@ fn train_group(
         report.write_html(&page, &(0..members.len()).map(section).collect::<Result<Vec<_>>>()?)?;
     }
     if !arguments.quiet {
+        let interrupted = if group.steps() < group.members()[0].plan.steps { "interrupted: " } else { "" };
         tell!(
-            "{}: {} materials, {} bytes, {} steps in {seconds:.1} s; mean |Δ ln(1+f)| {:.5}, mean ball SSIM {:.4}",
+            "{interrupted}{}: {} materials, {} bytes, {} steps in {seconds:.1} s; mean |Δ ln(1+f)| {:.5}, mean ball SSIM {:.4}",
             output.display(),
             members.len(),
             bytes.len(),

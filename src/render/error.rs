@@ -98,7 +98,7 @@ pub enum Error {
         source: std::io::Error,
     },
     /// The checkpoint file is no checkpoint, or damaged.
-    #[error("{path}: no usable checkpoint: {reason}; delete it to start again", path = path.display())]
+    #[error("{path}: is no checkpoint that can be used: {reason}; name another file, or delete it to start again", path = path.display())]
     CheckpointFormat {
         /// The file.
         path: PathBuf,

@@ -41,6 +41,13 @@ struct SessionHeader {
     codes: Vec<Option<usize>>,
 }
 
+/// Steps done by the training whose state a file holds.
+pub fn saved_steps(path: &Path) -> Result<u32, Error> {
+    let bytes = read(path)?;
+    let (header, _) = parse(&bytes).map_err(|reason| Error::CheckpointFormat { path: path.to_owned(), reason })?;
+    Ok(header.sessions.iter().map(|session| session.step).max().unwrap_or(0))
+}
+
 impl Session {
     /// Writes the state, whole or not at all.
     pub fn save(&mut self, path: &Path) -> Result<(), Error> {
@@ -117,7 +124,7 @@ fn save(path: &Path, sessions: &mut [Session], shares_network: Option<bool>) -> 
 }
 
 fn restore(path: &Path, sessions: &mut [Session], shares_network: Option<bool>) -> Result<(), Error> {
-    let bytes = std::fs::read(path).map_err(|source| Error::CheckpointFile { path: path.to_owned(), source })?;
+    let bytes = read(path)?;
     let format = |reason| Error::CheckpointFormat { path: path.to_owned(), reason };
     let (header, mut rest) = parse(&bytes).map_err(format)?;
     let all = |is_equal: fn(&SessionHeader, &Session) -> bool| {
@@ -137,6 +144,10 @@ fn restore(path: &Path, sessions: &mut [Session], shares_network: Option<bool>) 
         rest = session.read(saved, rest).map_err(format)?;
     }
     if rest.is_empty() { Ok(()) } else { Err(format("its numbers are not those of its plan")) }
+}
+
+fn read(path: &Path) -> Result<Vec<u8>, Error> {
+    std::fs::read(path).map_err(|source| Error::CheckpointFile { path: path.to_owned(), source })
 }
 
 fn parse(bytes: &[u8]) -> Result<(Header, &[u8]), &'static str> {

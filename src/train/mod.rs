@@ -36,6 +36,7 @@ use std::path::PathBuf;
 use glam::Vec3;
 
 pub use albedo::Views;
+pub use checkpoint::saved_steps;
 pub use evaluator::Evaluator;
 pub use group::Group;
 pub use group_report::GroupReport;
@@ -81,7 +82,7 @@ pub enum Error {
         source: std::io::Error,
     },
     /// The file is no checkpoint.
-    #[error("{}: not a checkpoint of a training: {reason}", path.display())]
+    #[error("{}: is no checkpoint of a training: {reason}; name another file, or delete it to start again", path.display())]
     CheckpointFormat {
         /// The file.
         path: PathBuf,

@@ -193,7 +193,7 @@ fn a_checkpoint_of_something_else_is_an_error() {
     let bytes = std::fs::read(&path).unwrap();
     for length in [0, 7, 20, bytes.len() / 2, bytes.len() - 1] {
         std::fs::write(&path, &bytes[..length]).unwrap();
-        assert!(restore(small(Recipe::Default), &satin).unwrap_err().contains("not a checkpoint"));
+        assert!(restore(small(Recipe::Default), &satin).unwrap_err().contains("is no checkpoint"));
     }
 }
 
