@@ -199,6 +199,14 @@ fn a_threshold_that_decides_nothing_and_an_option_that_does_nothing_are_refused(
     for threshold in ["--max-mse=nan", "--max-rel-mse=inf", "--max-flip=-1", "--min-p=some"] {
         assert!(fail(&["compare", "a.exr", "b.exr", threshold]).contains("a number of at least 0"), "{threshold}");
     }
+    for exposure in ["--exposure=nan", "--exposure=inf", "--exposure=-31"] {
+        for command in [&["compare", "a.exr", "b.exr"][..], &["render", "a.obj", "--png", "a.png"]] {
+            let message = fail(&[command, &[exposure]].concat());
+            assert!(message.contains("stops from -30 to 30"), "{command:?} {exposure}: {message}");
+        }
+    }
+    let message = fail(&["converge", "a.toml", "-o", "/nonexistent/report", "--spp", "0,4"]);
+    assert!(message.contains("from 1 on, ascending"), "{message}");
     for option in [
         "a.toml",
         "--study=a.toml",
@@ -345,6 +353,14 @@ fn compare_exits_by_its_thresholds() {
     succeed(&["render", text(&obj), "-o", text(&single), "--spp", "1", "--size", "32x24", "--quiet"]);
     assert!(succeed(&["compare", text(&single), text(&single), "--max-mse", "0"]).contains("z-test            none"));
     assert!(fail(&["compare", text(&single), text(&single), "--min-p", "1e-4"]).contains("two samples a pixel"));
+    let [left, right] = ["0,0,8,8", "8,0,8,8"].map(|crop| {
+        let part = path(&format!("{crop}.exr"));
+        let job = ["render", text(&obj), "-o", text(&part), "--spp", "1", "--size", "32x24", "--quiet", "--crop", crop];
+        succeed(&job);
+        part
+    });
+    let message = fail(&["compare", text(&left), text(&right)]);
+    assert!(message.contains("begins at pixel (0, 0) of its film, the reference at (8, 0)"), "{message}");
     let json: serde_json::Value = serde_json::from_str(&succeed(&["compare", text(&a), text(&a), "--json"])).unwrap();
     assert_eq!(json["metrics"]["mse"], 0.0);
 }
@@ -395,6 +411,11 @@ fn a_material_is_trained_described_drawn_and_checked() {
     assert!(std::fs::read_to_string(&plot).unwrap().contains("polyline"));
     let output = neubrdf(&["material", text(&file), "--check", "--max-albedo", "1e-9"]);
     assert_eq!(output.status.code(), Some(3));
+    assert!(stderr(&output).contains("above 0.000000001 (--max-albedo)"), "{}", stderr(&output));
+    for most in ["nan", "inf", "-1"] {
+        let option = format!("--max-albedo={most}");
+        assert!(fail(&["material", text(&file), "--check", &option]).contains("a number of at least 0"), "{option}");
+    }
 }
 
 /// Groups of what is alike, a pack each; members are listed, and picked by name.

@@ -3,7 +3,7 @@
 
 use neubrdf::converge::study::{
     AboutTruth, Analysis, Clock, Environment, Gate, Gram, MethodRecord, MethodResult, Products, Question, Record, Run,
-    SceneRecord, Versus, change_lines, compare, summary_text, write_report,
+    SceneRecord, change_lines, compare, summary_text, write_report,
 };
 use neubrdf::converge::{CONFIDENCE, Timing};
 
@@ -263,6 +263,16 @@ fn thresholds_break_beyond_chance_only() {
     assert!(!holds("[[method]]\nmethod = \"warp\"\nslope = [-2, 0]"));
     assert!(!holds("[[ratio]]\nmethod = \"warp\"\nover = \"slow\"\nleast = 1"));
     assert!(!holds("[[method]]\nbias_p = 0.01"));
+    for (text, told) in [
+        ("[[method]]\nscene = \"b\"\nmethod = \"fast\"\nslope = [-2, 0]", "there is no scene 'b'"),
+        (
+            "[[method]]\nscene = \"made\"\nmethod = \"warp\"\nslope = [-2, 0]",
+            "made: there are no figures of a method 'warp'",
+        ),
+        ("[[ratio]]\nscene = \"b\"\nmethod = \"fast\"\nover = \"slow\"\nleast = 1", "there is no scene 'b'"),
+    ] {
+        assert_eq!(gate(text).judge(&analysis)[0].message, told);
+    }
 }
 
 #[test]
@@ -292,7 +302,13 @@ fn a_comparison_knows_better_from_worse_and_from_chance() {
     assert_eq!(verdicts(&again, &old), [("efficiency", None), ("seconds", None), ("noise", None)]);
     assert_eq!(verdicts(&faster, &old), [("efficiency", Some(true)), ("seconds", Some(true)), ("noise", None)]);
     assert_eq!(verdicts(&old, &faster), [("efficiency", Some(false)), ("seconds", Some(false)), ("noise", None)]);
-    assert_eq!(compare(&old, &record(&[("b", MADE)], 6, 1)), Versus::default());
+    // That nothing compares is said, too.
+    let told = |new: &Record| change_lines(&compare(new, &old));
+    let of_another_method = record(&[("b", MADE)], 6, 1);
+    assert!(told(&of_another_method).starts_with("not compared: made: no method has figures"));
+    let mut elsewhere = old.clone();
+    elsewhere.scenes[0].name = "other".into();
+    assert_eq!(told(&elsewhere), "not compared: other: the older study has no scene of that name\n");
 }
 
 #[test]

@@ -4,10 +4,10 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use anyhow::{Result, bail};
-use neubrdf::converge::{Comparison, difference, write_difference_png};
+use neubrdf::converge::{Comparison, Error, difference, write_difference_png};
 use neubrdf::image::{Metadata, read_exr, write_exr};
 
-use super::job::{check_ending, check_outputs};
+use super::job::{check_ending, check_outputs, exposure, threshold};
 
 /// Say how two pictures differ. Exit status 3 if a threshold is exceeded.
 #[derive(clap::Args)]
@@ -20,7 +20,7 @@ pub struct Arguments {
     #[arg(short, long, value_name = "EXR|PNG")]
     output: Option<PathBuf>,
     /// Exposure of the FLIP comparison, in stops
-    #[arg(long, default_value_t = 0.0, allow_negative_numbers = true)]
+    #[arg(long, value_name = "STOPS", default_value_t = 0.0, allow_negative_numbers = true, value_parser = exposure)]
     exposure: f32,
     /// Fail if the MSE is above
     #[arg(long, value_parser = threshold)]
@@ -42,22 +42,18 @@ pub struct Arguments {
 /// A threshold was exceeded.
 const EXCEEDED: u8 = 3;
 
-/// What is neither finite nor at least 0 could never be exceeded, or always.
-fn threshold(word: &str) -> Result<f64, String> {
-    word.parse()
-        .ok()
-        .filter(|number: &f64| number.is_finite() && *number >= 0.0)
-        .ok_or_else(|| format!("'{word}' is no threshold: expected a number of at least 0"))
-}
-
 /// Reads both, compares, prints.
 pub fn run(arguments: Arguments) -> Result<ExitCode> {
     if let Some(path) = &arguments.output {
         check_ending(path, &["exr", "png"])?;
         check_outputs([path.as_path()], [arguments.picture.as_path(), arguments.reference.as_path()])?;
     }
-    let (picture, _) = read_exr(&arguments.picture)?;
-    let (reference, _) = read_exr(&arguments.reference)?;
+    let (picture, of_picture) = read_exr(&arguments.picture)?;
+    let (reference, of_reference) = read_exr(&arguments.reference)?;
+    let [image_origin, reference_origin] = [of_picture, of_reference].map(|metadata| metadata.crop_origin);
+    if image_origin != reference_origin {
+        return Err(Error::PlaceMismatch { image: image_origin, reference: reference_origin }.into());
+    }
     let comparison = Comparison::of(&picture, &reference, arguments.exposure)?;
     if arguments.json {
         tell!("{:#}", comparison.to_json())?;

@@ -182,7 +182,7 @@ impl Arguments {
                     values.clone_from(list);
                 }
             }
-            plan.methods = axes.methods().map_err(|reason| anyhow::anyhow!("--{reason}"))?;
+            plan.methods = axes.methods().map_err(|unknown| anyhow::anyhow!("--{unknown}"))?;
         }
         if !self.spp.is_empty() {
             plan.ladder.clone_from(&self.spp);

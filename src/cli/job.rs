@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
+use neubrdf::image::tone_map::MOST_EXPOSURE;
 use neubrdf::image::{Crop, Metadata, Picture, check_writable, write_exr, write_png};
 use neubrdf::render::Settings;
 use neubrdf::scene::{Film, Scene};
@@ -19,7 +20,7 @@ pub struct Job {
     #[arg(long, value_name = "PNG")]
     pub png: Option<PathBuf>,
     /// Exposure of the PNG, in stops
-    #[arg(long, default_value_t = 0.0, allow_negative_numbers = true, requires = "png")]
+    #[arg(long, value_name = "STOPS", default_value_t = 0.0, allow_negative_numbers = true, requires = "png", value_parser = exposure)]
     pub exposure: f32,
     /// Size of the film instead of the scene's, as WIDTHxHEIGHT
     #[arg(long, value_name = "WxH", value_parser = film_size)]
@@ -73,6 +74,22 @@ pub fn film_size(word: &str) -> Result<Film, String> {
         .and_then(|(width, height)| Some(Film { width: width.parse().ok()?, height: height.parse().ok()? }))
         .filter(|film| film.width > 0 && film.height > 0)
         .ok_or_else(|| format!("'{word}' is no size: expected WIDTHxHEIGHT in pixels, both at least 1"))
+}
+
+/// Stops that leave something to be seen.
+pub fn exposure(word: &str) -> Result<f32, String> {
+    word.parse()
+        .ok()
+        .filter(|stops: &f32| stops.abs() <= MOST_EXPOSURE)
+        .ok_or_else(|| format!("'{word}' is no exposure: expected stops from -{MOST_EXPOSURE} to {MOST_EXPOSURE}"))
+}
+
+/// What is neither finite nor at least 0 could never be exceeded, or always.
+pub fn threshold(word: &str) -> Result<f64, String> {
+    word.parse()
+        .ok()
+        .filter(|number: &f64| number.is_finite() && *number >= 0.0)
+        .ok_or_else(|| format!("'{word}' is no threshold: expected a number of at least 0"))
 }
 
 /// A file that is to be written ends as what it will be.

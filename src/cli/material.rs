@@ -14,7 +14,7 @@ use neubrdf::train::{Evaluator, plot};
 use rayon::prelude::*;
 
 use super::brdf_input::{BrdfInput, Drawing};
-use super::job::{check_ending, check_outputs};
+use super::job::{check_ending, check_outputs, threshold};
 
 /// Say what a BRDF is. Exit status 3 if --check finds it wrong.
 #[derive(clap::Args)]
@@ -31,7 +31,7 @@ pub struct Arguments {
     #[arg(long)]
     check: bool,
     /// The largest directional albedo that --check lets pass
-    #[arg(long, default_value_t = 1.01, requires = "check")]
+    #[arg(long, default_value_t = 1.01, requires = "check", value_parser = threshold)]
     max_albedo: f64,
     /// Print JSON
     #[arg(long)]
@@ -96,14 +96,28 @@ pub fn run(arguments: Arguments) -> Result<ExitCode> {
         let svg = plot::polar(PLOT_GAIN, &[&|pairs| eval(Footprint::WHOLE, pairs)]);
         atomic_write(path, |file| file.write_all(svg.as_bytes()).map_err(io_error))?;
     }
-    let is_wrong = checked.is_some_and(|check| {
-        // A NaN is above every threshold.
-        check.negative > 0
-            || check.non_finite > 0
-            || check.max_albedo > arguments.max_albedo
-            || check.max_albedo.is_nan()
-    });
-    Ok(if is_wrong { ExitCode::from(WRONG) } else { ExitCode::SUCCESS })
+    let is_right = checked.is_none_or(|check| passes(&check, arguments.max_albedo));
+    Ok(if is_right { ExitCode::SUCCESS } else { ExitCode::from(WRONG) })
+}
+
+/// Says what is wrong; whether nothing is.
+fn passes(check: &Check, max_albedo: f64) -> bool {
+    let Check { pairs, negative, non_finite, .. } = *check;
+    for (count, what) in [(negative, "negative"), (non_finite, "not finite")] {
+        if count > 0 {
+            note!("{count} of {pairs} values are {what}");
+        }
+    }
+    // A NaN is above every threshold.
+    let sends_too_much = check.max_albedo > max_albedo || check.max_albedo.is_nan();
+    if sends_too_much {
+        let [theta, phi] = check.max_albedo_at;
+        note!(
+            "the albedo at θ = {theta:.1}°, φ = {phi:.1}° is {:.6}, above {max_albedo} (--max-albedo)",
+            check.max_albedo
+        );
+    }
+    negative == 0 && non_finite == 0 && !sends_too_much
 }
 
 /// The members of a pack, and what they share.

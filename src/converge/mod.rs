@@ -37,6 +37,14 @@ pub enum Error {
         /// Size of the reference.
         reference: [u32; 2],
     },
+    /// They are parts of a film, and not the same.
+    #[error("the picture begins at pixel ({}, {}) of its film, the reference at ({}, {}); render both with one crop", image[0], image[1], reference[0], reference[1])]
+    PlaceMismatch {
+        /// Upper left pixel of the picture.
+        image: [u32; 2],
+        /// Upper left pixel of the reference.
+        reference: [u32; 2],
+    },
     /// They have no pixels.
     #[error("the pictures are empty")]
     Empty,

@@ -3,6 +3,9 @@
 //! PBR Neutral (Khronos Group 2024, *PBR Neutral Tone Mapper Specification*) shows a surface's base colour as it is,
 //! up to 0.8, and rolls off only what is brighter, without shifting hue: what one wants to see of a material.
 
+/// The most stops that a user may ask for, up or down: a thousand million times as bright, or as dark.
+pub const MOST_EXPOSURE: f32 = 30.0;
+
 /// Radiance scaled by 2^`exposure` and mapped to [0, 1], still linear. Negative and NaN become 0.
 pub fn neutral([red, green, blue]: [f32; 3], exposure: f32) -> [f32; 3] {
     const START: f32 = 0.8 - 0.04;

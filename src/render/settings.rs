@@ -95,7 +95,8 @@ impl Default for Settings {
 pub struct UnknownChoice {
     what: &'static str,
     found: String,
-    expected: &'static str,
+    /// What the option takes.
+    pub expected: &'static str,
 }
 
 impl FromStr for Traversal {

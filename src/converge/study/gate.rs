@@ -94,8 +94,7 @@ impl Gate {
                 gate.judge(scene, method, &mut verdicts);
             }
             if verdicts.len() == before {
-                let wanted = gate.method.as_deref().unwrap_or("any");
-                verdicts.push(Verdict { holds: false, message: format!("no figures of a method '{wanted}'") });
+                verdicts.push(Verdict { holds: false, message: gate.without_figures(analysis) });
             }
         }
         for gate in &self.ratios {
@@ -129,6 +128,10 @@ fn within(figure: &Estimate, [least, most]: [f64; 2], shown: bool) -> bool {
     }
 }
 
+fn no_scene(wanted: &str) -> String {
+    format!("there is no scene '{wanted}'")
+}
+
 fn text(figure: &Estimate) -> String {
     let [low, high] = figure.interval(CONFIDENCE);
     format!("{:.4e} (95 %: {low:.4e} to {high:.4e})", figure.value)
@@ -151,6 +154,16 @@ impl MethodGate {
             floor: number("floor")?,
             shown: table.get("shown").map_or(Ok(false), |value| value.boolean())?,
         })
+    }
+
+    /// What to say where nothing in the study answers to it.
+    fn without_figures(&self, analysis: &Analysis) -> String {
+        let method = self.method.as_ref().map_or("any method".into(), |method| format!("a method '{method}'"));
+        match &self.scene {
+            Some(scene) if analysis.scenes.iter().all(|found| found.name != *scene) => no_scene(scene),
+            Some(scene) => format!("{scene}: there are no figures of {method}"),
+            None => format!("there are no figures of {method}"),
+        }
     }
 
     fn judge(&self, scene: &str, method: &MethodResult, verdicts: &mut Vec<Verdict>) {
@@ -241,7 +254,7 @@ impl RatioGate {
             });
         }
         if verdicts.is_empty() {
-            verdicts.push(fail(format!("there is no scene '{}'", self.scene.as_deref().unwrap_or("any"))));
+            verdicts.push(fail(no_scene(self.scene.as_deref().unwrap_or("any"))));
         }
         verdicts
     }

@@ -79,6 +79,10 @@ impl GroundTruth {
             }
             .into());
         }
+        if metadata.crop_origin != [0, 0] {
+            let [image, reference] = [[0, 0], metadata.crop_origin];
+            return Err(crate::converge::Error::PlaceMismatch { image, reference }.into());
+        }
         GroundTruth::new(picture, path.display().to_string(), metadata.spp)
     }
 

@@ -98,8 +98,8 @@ impl Axes {
     /// All combinations, each once: Embree and Mitsuba have no choice about most axes.
     ///
     /// # Errors
-    /// A word that an axis does not know, as "(axis) 'word': expected …".
-    pub fn methods(&self) -> Result<Vec<Method>, String> {
+    /// A word that an axis does not know.
+    pub fn methods(&self) -> Result<Vec<Method>, UnknownWord> {
         let devices = choices("device", &self.device, "auto", |word| {
             Ok(match word {
                 "embree" => Engine::Embree,
@@ -109,26 +109,30 @@ impl Axes {
         })?;
         let traversals = choices("traversal", &self.traversal, "auto", |word| match word {
             "auto" => Ok(None),
-            _ => word.parse::<Traversal>().map(Some).map_err(|error| format!("{error}, or auto")),
+            _ => word.parse::<Traversal>().map(Some).map_err(|_| "ray-query, bvh or auto"),
         })?;
-        let samplers = choices("sampler", &self.sampler, "sobol", |word| parse(word.parse::<Sampler>()))?;
+        let samplers = choices("sampler", &self.sampler, "sobol", |word| {
+            word.parse::<Sampler>().map_err(|unknown| unknown.expected)
+        })?;
         let light = choices("light-sampling", &self.light_sampling, "on", |word| match word {
             "on" => Ok(true),
             "off" => Ok(false),
-            _ => Err(format!("'{word}': expected on or off")),
+            _ => Err("on or off"),
         })?;
-        let bsdf = choices("bsdf-sampling", &self.bsdf_sampling, "lobe", |word| parse(word.parse::<BsdfSampling>()))?;
+        let bsdf = choices("bsdf-sampling", &self.bsdf_sampling, "lobe", |word| {
+            word.parse::<BsdfSampling>().map_err(|unknown| unknown.expected)
+        })?;
         let precisions = choices("precision", &self.precision, "auto", |word| match word {
             "auto" => Ok(None),
             "f32" => Ok(Some(Precision::F32)),
             "f16" => Ok(Some(Precision::F16)),
-            _ => Err(format!("'{word}': expected f32, f16 or auto")),
+            _ => Err("f32, f16 or auto"),
         })?;
         let pools = choices("pool", &self.pool, "auto", |word| match word {
             "auto" => Ok(None),
             _ => match word.parse() {
                 Ok(paths) if paths > 0 => Ok(Some(paths)),
-                _ => Err(format!("'{word}': expected a number of paths of at least 1, or auto")),
+                _ => Err("a number of paths of at least 1, or auto"),
             },
         })?;
         let models = choices("model", &self.model, "truth", |word| Ok((word != "truth").then(|| word.to_owned())))?;
@@ -136,7 +140,7 @@ impl Axes {
             "off" => Ok(None),
             _ => match word.parse::<f32>() {
                 Ok(limit) if limit.is_finite() && limit > 0.0 => Ok(Some(limit)),
-                _ => Err(format!("'{word}': expected a radiance above 0, or off")),
+                _ => Err("a radiance above 0, or off"),
             },
         })?;
 
@@ -161,13 +165,26 @@ impl Axes {
     }
 }
 
+/// A word that is none of those which an axis takes.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("{axis} '{word}': expected {expected}")]
+pub struct UnknownWord {
+    /// The axis, as its flag has it.
+    pub axis: &'static str,
+    /// The word.
+    pub word: String,
+    /// What it may be.
+    pub expected: &'static str,
+}
+
+/// `parse` returns what it expects where it does not know a word.
 fn choices<T>(
-    axis: &str,
+    axis: &'static str,
     words: &[String],
     default: &str,
-    parse: impl Fn(&str) -> Result<T, String>,
-) -> Result<Vec<T>, String> {
-    let parse = |word: &str| parse(word).map_err(|error| format!("{axis} {error}"));
+    parse: impl Fn(&str) -> Result<T, &'static str>,
+) -> Result<Vec<T>, UnknownWord> {
+    let parse = |word: &str| parse(word).map_err(|expected| UnknownWord { axis, word: word.to_owned(), expected });
     match words.is_empty() {
         true => Ok(vec![parse(default)?]),
         false => words.iter().map(|word| parse(word)).collect(),
@@ -182,10 +199,6 @@ fn multiply<T: Clone>(methods: &mut Vec<Method>, values: Vec<T>, set: impl Fn(&m
         method
     };
     *methods = methods.iter().flat_map(|method| values.iter().map(|value| with(method, value))).collect();
-}
-
-fn parse<T, E: fmt::Display>(result: Result<T, E>) -> Result<T, String> {
-    result.map_err(|error| error.to_string())
 }
 
 impl Method {
@@ -299,7 +312,7 @@ mod tests {
     #[test]
     fn an_unknown_word_is_told_with_its_axis() {
         for (axis, word, expected) in [
-            ("traversal", "octree", "ray-query or bvh, or auto"),
+            ("traversal", "octree", "ray-query, bvh or auto"),
             ("sampler", "halton", "sobol or pcg"),
             ("light-sampling", "yes", "on or off"),
             ("bsdf-sampling", "ggx", "lobe, cosine or uniform"),
@@ -309,7 +322,7 @@ mod tests {
         ] {
             let mut axes = Axes::default();
             *axes.axis_mut(axis).unwrap() = words(&[word]);
-            let error = axes.methods().unwrap_err();
+            let error = axes.methods().unwrap_err().to_string();
             assert!(error.contains(axis) && error.contains(word) && error.contains(expected), "{error}");
         }
     }

@@ -28,7 +28,7 @@ pub use error::Error;
 pub use gate::{Gate, Verdict};
 pub use gram::Gram;
 pub use ground_truth::{AboutTruth, GroundTruth};
-pub use method::{AXES, Axes, Engine, Method};
+pub use method::{AXES, Axes, Engine, Method, UnknownWord};
 pub use plan::{Clock, Plan, ScenePlan};
 pub use record::{BiasTest, MethodRecord, Products, Question, Record, Run, SceneRecord};
 pub use report::write_report;

@@ -6,6 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use super::error::Error;
 use super::method::{AXES, Axes, Method};
+use crate::image::tone_map::MOST_EXPOSURE;
 use crate::scene::table::{Source, Table, Value, read_text};
 
 /// Longest study or assertion file, bytes.
@@ -140,7 +141,7 @@ impl Plan {
             plan.targets = value.array()?.iter().map(target).collect::<Result<_, _>>()?;
         }
         if let Some(value) = root.get("exposure") {
-            plan.exposure = value.number(-30.0, 30.0)?;
+            plan.exposure = value.number(-MOST_EXPOSURE, MOST_EXPOSURE)?;
         }
         if let Some(value) = root.get("clock") {
             plan.clock = match value.string()? {
@@ -162,8 +163,13 @@ impl Plan {
         if self.methods.is_empty() {
             return wrong("the list of methods", "empty".into(), "one method or more");
         }
-        if self.ladder.is_empty() || !self.ladder.windows(2).all(|pair| pair[0] < pair[1]) {
-            return wrong("the ladder of spp", format!("{:?}", self.ladder), "one number or more, ascending");
+        let is_ascending = self.ladder.windows(2).all(|pair| pair[0] < pair[1]);
+        if self.ladder.is_empty() || self.ladder[0] == 0 || !is_ascending {
+            return wrong(
+                "the ladder of spp",
+                format!("{:?}", self.ladder),
+                "one number or more, from 1 on, ascending",
+            );
         }
         let mut names: Vec<&str> = self.scenes.iter().map(|scene| scene.name.as_str()).collect();
         names.sort_unstable();
@@ -246,10 +252,10 @@ fn methods(table: &Table) -> Result<Vec<Method>, Error> {
                 one.push(word.clone());
                 all.push(word);
             }
-            alone.methods().map_err(|reason| item.error(reason))?;
+            alone.methods().map_err(|unknown| item.error(unknown.expected))?;
         }
     }
-    axes.methods().map_err(|reason| table.error("axes", reason).into())
+    axes.methods().map_err(|unknown| table.error(unknown.word, unknown.expected).into())
 }
 
 #[cfg(test)]
@@ -309,6 +315,7 @@ mod tests {
             ("[[scene]]\nfiel = \"x\"", "`file`"),
             ("[[methods]]\nsamplr = \"pcg\"", "`sampler`"),
             ("[[methods]]\nsampler = [\"pcg\", \"halton\"]", ":2:"),
+            ("[[methods]]\ntraversal = \"foo\"", "found `\"foo\"`, expected ray-query, bvh or auto"),
             ("clock = \"sun\"", "\"wall\" or \"cpu\""),
             ("spp = [0]", "from 1"),
             ("[[methods]]\nclamp_indirect = [10, -1]", "above 0"),
@@ -324,7 +331,9 @@ mod tests {
         let method = Axes::default().methods().unwrap();
         let good = Plan { scenes: vec![ScenePlan::new("a/scene.toml")], methods: method, ..Plan::default() };
         good.check().unwrap();
-        assert!(Plan { ladder: vec![4, 4], ..good.clone() }.check().is_err());
+        for ladder in [vec![], vec![4, 4], vec![0], vec![0, 4]] {
+            assert!(Plan { ladder, ..good.clone() }.check().unwrap_err().to_string().contains("ascending"));
+        }
         assert!(Plan { scenes: vec![], ..good.clone() }.check().is_err());
         let twice = vec![ScenePlan::new("a/scene.toml"), ScenePlan::new("a.toml")];
         assert!(Plan { scenes: twice, ..good }.check().unwrap_err().to_string().contains("'a' twice"));

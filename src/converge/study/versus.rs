@@ -36,7 +36,7 @@ impl Change {
 pub struct Versus {
     /// All that both have figures of.
     pub changes: Vec<Change>,
-    /// Scenes of both whose figures do not compare, with the reason.
+    /// Scenes of the new study none of whose figures compare, with the reason.
     pub left_out: Vec<(String, String)>,
 }
 
@@ -48,11 +48,16 @@ pub fn compare(new: &Record, old: &Record) -> Versus {
     let mut found = Vec::new();
     for (scene, result) in new.scenes.iter().zip(&results.scenes) {
         let mut of_old = old.scenes.iter().zip(&results_before.scenes);
-        let Some((before, result_before)) = of_old.find(|(before, _)| before.name == scene.name) else { continue };
+        let mut leave_out = |reason: String| left_out.push((scene.name.clone(), reason));
+        let Some((before, result_before)) = of_old.find(|(before, _)| before.name == scene.name) else {
+            leave_out("the older study has no scene of that name".into());
+            continue;
+        };
         if let Some(reason) = what_differs((&new.question, scene), (&old.question, before)) {
-            left_out.push((scene.name.clone(), reason));
+            leave_out(reason);
             continue;
         }
+        let found_before = found.len();
         for method in &result.methods {
             let of_name = result_before.methods.iter().find(|before| before.name == method.name);
             let spp = |method: &MethodResult| method.top().map(|rung| rung.spp);
@@ -62,6 +67,9 @@ pub fn compare(new: &Record, old: &Record) -> Versus {
                     found.push((&scene.name, method, figure, more_is_better, new.minus(&old)));
                 }
             }
+        }
+        if found.len() == found_before {
+            leave_out("no method has figures at the same most samples a pixel in both studies".into());
         }
     }
     let confidence = CONFIDENCE.powf(1.0 / found.len().max(1) as f64);
