@@ -195,14 +195,16 @@ fn train_group(
     };
     if !arguments.no_report {
         report.write_json(&output.with_extension("json"))?;
-        let page = output.with_extension("html");
         let section = |index: usize| {
             let fit = |pairs: &[[DVec3; 2]]| evaluators[index].eval(pairs);
             let gain = group.members()[index].gain();
             let truth = |pairs: &[[DVec3; 2]]| truth(&members[index].input, pairs);
-            Ok(report.members[index].section(&page, &compared[index], gain, &fit, &truth)?)
+            Ok(report.members[index].section(&compared[index], gain, &fit, &truth)?)
         };
-        report.write_html(&page, &(0..members.len()).map(section).collect::<Result<Vec<_>>>()?)?;
+        report.write_html(
+            &output.with_extension("html"),
+            &(0..members.len()).map(section).collect::<Result<Vec<_>>>()?,
+        )?;
     }
     if !arguments.quiet {
         let interrupted = if group.steps() < group.members()[0].plan.steps { "interrupted: " } else { "" };

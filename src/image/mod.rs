@@ -6,6 +6,7 @@
 mod atomic;
 mod exr_file;
 mod metadata;
+mod page;
 mod picture;
 pub mod tone_map;
 
@@ -14,6 +15,7 @@ use std::path::{Path, PathBuf};
 pub use atomic::{atomic_write, check_writable};
 pub use exr_file::{read_exr, write_exr};
 pub use metadata::Metadata;
+pub use page::{escaped, png_address};
 pub use picture::{Crop, Picture, Samples, plane};
 
 /// What can go wrong with a picture file.
@@ -97,7 +99,7 @@ pub fn write_rgb8(path: impl AsRef<Path>, width: u32, height: u32, pixels: &[u8]
 }
 
 /// The same pixels as the bytes of a PNG file.
-pub fn png_rgb8(width: u32, height: u32, pixels: &[u8]) -> Result<Vec<u8>, Error> {
+fn png_rgb8(width: u32, height: u32, pixels: &[u8]) -> Result<Vec<u8>, Error> {
     let mut bytes = Vec::new();
     encode_png(&mut bytes, width, height, pixels)
         .map_err(|error| Error::Encode { path: "a picture".into(), reason: error.to_string() })?;

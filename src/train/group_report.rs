@@ -7,8 +7,9 @@ use serde::Serialize;
 use serde_json::json;
 
 use super::measure::FitErrors;
-use super::report::{STYLE, escape, write_text};
+use super::report::{STYLE, write_text};
 use super::{Error, Report};
+use crate::image::escaped;
 
 /// What training materials with common codebooks came to.
 #[derive(Clone, Debug, Serialize)]
@@ -66,12 +67,12 @@ impl GroupReport {
             );
         };
         for member in &self.members {
-            row(&escape(&member.source), &|error| error(&member.errors));
+            row(&escaped(&member.source), &|error| error(&member.errors));
         }
         row("<b>mean</b>", &|error| self.mean(error));
         page.push_str("</table>\n");
         for (member, section) in self.members.iter().zip(sections) {
-            let _ = writeln!(page, "<details><summary>{}</summary>\n{section}</details>", escape(&member.source));
+            let _ = writeln!(page, "<details><summary>{}</summary>\n{section}</details>", escaped(&member.source));
         }
         page
     }

@@ -10,7 +10,7 @@ use serde_json::json;
 use super::measure::{Comparison, Eval, FitErrors};
 use super::plot;
 use super::{Error, Model, Plan, Recipe};
-use crate::image::atomic_write;
+use crate::image::{atomic_write, escaped, png_address};
 
 /// What a training came to.
 #[derive(Clone, Debug, Serialize)]
@@ -61,26 +61,15 @@ impl Report {
         fit: Eval,
         truth: Eval,
     ) -> Result<(), Error> {
-        write_text(path, &self.html(path, comparison, gain, fit, truth)?)
+        let section = self.section(comparison, gain, fit, truth)?;
+        write_text(path, &format!("{STYLE}<title>{0}</title><h1>{0}</h1>\n{section}", escaped(&self.source)))
     }
 
-    fn html(&self, path: &Path, comparison: &Comparison, gain: f64, fit: Eval, truth: Eval) -> Result<String, Error> {
-        let section = self.section(path, comparison, gain, fit, truth)?;
-        Ok(format!("{STYLE}<title>{0}</title><h1>{0}</h1>\n{section}", escape(&self.source)))
-    }
-
-    /// What the page `path` says below its heading.
+    /// What the page says below its heading.
     ///
     /// # Errors
     /// A picture cannot be encoded.
-    pub fn section(
-        &self,
-        path: &Path,
-        comparison: &Comparison,
-        gain: f64,
-        fit: Eval,
-        truth: Eval,
-    ) -> Result<String, Error> {
+    pub fn section(&self, comparison: &Comparison, gain: f64, fit: Eval, truth: Eval) -> Result<String, Error> {
         let FitErrors { pairs, ball, albedo, worst_albedo } = &self.errors;
         let mut page = String::new();
         let plan = &self.plan;
@@ -111,9 +100,9 @@ impl Report {
         for (name, pixels) in [("ground truth", b), ("fit", a), ("difference × 8", difference)] {
             let _ = writeln!(
                 page,
-                "<figure><img width={0} height={0} alt=\"{name}\" src=\"data:image/png;base64,{1}\"><figcaption>{name}</figcaption></figure>",
+                "<figure><img width={0} height={0} alt=\"{name}\" src=\"{1}\"><figcaption>{name}</figcaption></figure>",
                 2 * size,
-                base64(&png(path, size as u32, &pixels)?)
+                png_address(size as u32, size as u32, &pixels)?
             );
         }
         let _ = writeln!(
@@ -196,33 +185,6 @@ pub(super) fn write_text(path: &Path, text: &str) -> Result<(), Error> {
     Ok(atomic_write(path, |file| file.write_all(text.as_bytes()).map_err(io_error))?)
 }
 
-fn png(path: &Path, size: u32, pixels: &[u8]) -> Result<Vec<u8>, Error> {
-    use ::image::{ExtendedColorType, ImageEncoder, codecs::png::PngEncoder};
-    let mut bytes = Vec::new();
-    PngEncoder::new(&mut bytes)
-        .write_image(pixels, size, size, ExtendedColorType::Rgb8)
-        .map_err(|error| crate::image::Error::Encode { path: path.to_owned(), reason: error.to_string() })?;
-    Ok(bytes)
-}
-
-pub(super) fn escape(text: &str) -> String {
-    text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;")
-}
-
-/// RFC 4648.
-fn base64(bytes: &[u8]) -> String {
-    const DIGITS: &[u8; 64] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
-    let mut text = String::with_capacity(bytes.len().div_ceil(3) * 4);
-    for chunk in bytes.chunks(3) {
-        let bits = chunk.iter().fold(0u32, |bits, byte| bits << 8 | u32::from(*byte)) << (8 * (3 - chunk.len()));
-        for digit in 0..4 {
-            let index = (bits >> (18 - 6 * digit)) as usize & 63;
-            text.push(if digit <= chunk.len() { char::from(DIGITS[index]) } else { '=' });
-        }
-    }
-    text
-}
-
 #[cfg(test)]
 mod tests {
     use super::super::measure::{BallErrors, PairErrors};
@@ -244,12 +206,5 @@ mod tests {
         let table = recipe_table(&[result(Recipe::Default, 0.75), result(Recipe::Paper, 0.5)]);
         assert!(table.contains("<td>default</td><td>0.7500</td>") && table.contains("<td>paper</td><td>0.5000</td>"));
         assert_eq!(table.matches("1.20 %").count(), 2);
-    }
-
-    #[test]
-    fn base64_is_that_of_the_rfc() {
-        for (bytes, text) in [("", ""), ("f", "Zg=="), ("fo", "Zm8="), ("foo", "Zm9v"), ("foobar", "Zm9vYmFy")] {
-            assert_eq!(base64(bytes.as_bytes()), text);
-        }
     }
 }

@@ -6,11 +6,11 @@ use std::path::Path;
 use super::analysis::{Analysis, MethodResult, Rung, SceneResult, Target, ratio};
 use super::error::Error;
 use super::plan::Clock;
-use super::plot::{self, Plot, Point, Series, escaped, key, plain};
+use super::plot::{self, Plot, Point, Series, key, plain};
 use super::record::{MethodRecord, Record, SceneRecord};
 use super::run::{average, directory_of, picture_file, truth_file};
 use crate::converge::{CONFIDENCE, Estimate, difference_rgb8};
-use crate::image::{Picture, plane, png_rgb8, read_exr, tone_map};
+use crate::image::{Picture, escaped, plane, png_address, read_exr, tone_map};
 
 /// A bias test that is less likely than this under honest noise is called a bias.
 pub const SIGNIFICANCE: f64 = 0.01;
@@ -361,26 +361,8 @@ fn figure(picture: &Picture, rgb: &[u8], caption: &str) -> Result<String, Error>
             }
         }
     }
-    let data = base64(&png_rgb8(width, height, &pixels)?);
-    Ok(format!(
-        "<figure><img alt=\"\" src=\"data:image/png;base64,{data}\"><figcaption>{caption}</figcaption></figure>"
-    ))
-}
-
-/// RFC 4648.
-fn base64(bytes: &[u8]) -> String {
-    const DIGITS: &[u8; 64] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
-    let mut text = String::with_capacity(bytes.len().div_ceil(3) * 4);
-    for chunk in bytes.chunks(3) {
-        let word = chunk.iter().fold(0u32, |word, byte| word << 8 | u32::from(*byte)) << (8 * (3 - chunk.len()));
-        for digit in 0..4 {
-            match digit <= chunk.len() {
-                true => text.push(char::from(DIGITS[(word >> (18 - 6 * digit)) as usize & 63])),
-                false => text.push('='),
-            }
-        }
-    }
-    text
+    let address = png_address(width, height, &pixels)?;
+    Ok(format!("<figure><img alt=\"\" src=\"{address}\"><figcaption>{caption}</figcaption></figure>"))
 }
 
 /// Every rung.
@@ -456,15 +438,3 @@ th{font-weight:600;border-bottom:1px solid #999}td small{color:#666;white-space:
 figcaption{font-size:12px;color:#333}summary{cursor:pointer;margin-top:10px;font-weight:600}\
 @media print{body{margin:0;max-width:none}section,figure,svg{break-inside:avoid}}\
 @media(max-width:760px){.plots{grid-template-columns:1fr}}";
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn base64_is_that_of_the_rfc() {
-        for (text, encoded) in [("", ""), ("f", "Zg=="), ("fo", "Zm8="), ("foo", "Zm9v"), ("foobar", "Zm9vYmFy")] {
-            assert_eq!(base64(text.as_bytes()), encoded);
-        }
-    }
-}

@@ -3,6 +3,8 @@
 
 use std::fmt::Write;
 
+use crate::image::escaped;
+
 /// A point with the interval of its ordinate.
 #[derive(Clone, Copy, Debug)]
 pub struct Point {
@@ -313,11 +315,6 @@ fn superscript(char: char) -> char {
         '3' => '³',
         digit => digit.to_digit(10).and_then(|digit| char::from_u32(0x2070 + digit)).unwrap_or(digit),
     }
-}
-
-/// Text as it stands in HTML.
-pub fn escaped(text: &str) -> String {
-    text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
 }
 
 #[cfg(test)]
