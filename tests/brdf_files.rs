@@ -4,6 +4,7 @@ mod common;
 
 use std::fs;
 use std::path::{Path, PathBuf};
+use std::process::Command;
 
 use common::networks::{made, safetensors, tensors};
 use neubrdf::scene::{Brdf, Nbrdf, Scene, Surface};
@@ -112,7 +113,13 @@ fn what_is_wrong_with_a_name_is_said() {
     let folder = Folder::new();
     let many = folder.write("many.safetensors", safetensors(&[("felt", &network()), ("steel", &network())]));
     assert!(error(&many, None).contains("no name of a material"));
-    assert!(error(&many, Some("stele")).contains("one of the 2 materials in it, such as `steel`"));
+    assert!(
+        error(&many, Some("stele"))
+            .contains("one of the 2 materials in it, such as `steel`; `neubrdf material FILE` lists")
+    );
+    let listed = Command::new(env!("CARGO_BIN_EXE_neubrdf")).arg("material").arg(&many).output().unwrap();
+    let listed = String::from_utf8(listed.stdout).unwrap();
+    assert!(listed.contains("felt") && listed.contains("steel"), "{listed}");
     assert!(error(&folder.write("x.brdf", ""), None).contains(".safetensors"));
     let npy = write_npy_set(&folder, &network());
     assert!(error(&npy, Some("metal")).contains("no name"));

@@ -7,7 +7,7 @@ use std::process::ExitCode;
 use anyhow::Result;
 use glam::DVec3;
 use neubrdf::image::atomic_write;
-use neubrdf::scene::brdf::{Footprint, NeuBrdf, NeuBrdfPack, SurfaceFrame};
+use neubrdf::scene::brdf::{Brdf, Footprint, NeuBrdf, NeuBrdfPack, SurfaceFrame};
 use neubrdf::train::check::{Check, check};
 use neubrdf::train::measure::{self, Query};
 use neubrdf::train::{Evaluator, plot};
@@ -21,7 +21,7 @@ use super::job::{check_ending, check_outputs, threshold};
 pub struct Arguments {
     /// What `train` takes: .neubrdf, .binary, .bsdf, .csv, .safetensors or .npy, a material or a scene (.toml), or a directory of images (BTF)
     input: PathBuf,
-    /// The material, where INPUT holds several; without, those of a .neubrdf pack are listed
+    /// The material, where INPUT holds several, which are listed without
     #[arg(long)]
     name: Option<String>,
     /// Draw lobes in the plane of incidence
@@ -61,6 +61,12 @@ pub fn run(arguments: Arguments) -> Result<ExitCode> {
     let asks_for_one = arguments.name.is_some() || arguments.check || arguments.plot.is_some();
     if let Some(pack) = pack.as_ref().filter(|pack| pack.materials.len() > 1 && !asks_for_one) {
         print(&arguments, &describe_pack(pack, &arguments.input)?)?;
+        return Ok(ExitCode::SUCCESS);
+    }
+    let may_be_many = pack.is_none() && !asks_for_one;
+    let names = if may_be_many { Brdf::names(&arguments.input)? } else { Vec::new() };
+    if names.len() > 1 {
+        print(&arguments, &serde_json::json!({"count": names.len(), "names": names}))?;
         return Ok(ExitCode::SUCCESS);
     }
     let input = BrdfInput::load(&arguments.input, arguments.name.as_deref(), DRAWING)?;

@@ -61,7 +61,10 @@ fn partial(path: &Path) -> io::Result<PathBuf> {
 fn create(partial: &Path) -> io::Result<File> {
     OpenOptions::new().write(true).create_new(true).open(partial).map_err(|error| match partial.parent() {
         Some(parent) if error.kind() == io::ErrorKind::NotFound => {
-            io::Error::new(error.kind(), format!("there is no directory {}", parent.display()))
+            // Of a directory that takes no files, such as /proc, Linux says the same.
+            let is_there = parent.join(".").is_dir();
+            let what = if is_there { "no file can be made in" } else { "there is no directory" };
+            io::Error::new(error.kind(), format!("{what} {}", parent.display()))
         }
         _ => error,
     })

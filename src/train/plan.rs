@@ -311,7 +311,9 @@ impl Plan {
         check("--hidden", between(self.hidden, 4, 128), self.hidden.to_string(), "4 to 128")?;
         check("pruned width", between(self.pruned, 4, self.hidden), self.pruned.to_string(), "4 to the width before")?;
         let can_be_named = |codes: usize| between(codes, 2, MOST_CODES);
-        check("--codes", self.codes.into_iter().all(can_be_named), format!("{:?}", self.codes), "2 to 65534")?;
+        for codes in self.codes {
+            check("--codes", can_be_named(codes), codes.to_string(), "2 to 65534")?;
+        }
         let codes = self.surface.map_or(2, |surface| surface.codes);
         check("--texel-codes", can_be_named(codes), codes.to_string(), "2 to 65534")?;
         // By softmax each point has a score for each code.

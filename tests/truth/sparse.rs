@@ -83,7 +83,7 @@ fn errors_name_the_line_and_the_column() {
         (HEADER.to_owned(), vec!["samples.csv", "no sample"]),
         (format!("theta,phi\n{row}"), vec!["samples.csv:1", "`theta,phi`"]),
         (format!("{HEADER}{row}10,0,20,30,0.1,0.2\n"), vec!["samples.csv:3", "6 columns"]),
-        (format!("{HEADER}90,0,20,30,0.1,0.2,0.3\n"), vec!["samples.csv:2: wi_theta", "`90`"]),
+        (format!("{HEADER}90,0,20,30,0.1,0.2,0.3\n"), vec!["samples.csv:2: wi_theta", "`90`", "from 0 to below 90"]),
         (format!("{HEADER}10,0,-1,30,0.1,0.2,0.3\n"), vec!["samples.csv:2: wo_theta", "`-1`"]),
         (format!("{HEADER}10,0,20,30,0.1,nan,0.3\n"), vec!["samples.csv:2: g", "`nan`"]),
         (format!("{HEADER}10,0,20,30,0.1,1,-0.3\n"), vec!["samples.csv:2: b", "`-0.3`"]),

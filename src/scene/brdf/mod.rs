@@ -146,6 +146,9 @@ pub(super) fn ending(path: &Path) -> String {
     path.extension().map(|ending| ending.to_string_lossy().to_lowercase()).unwrap_or_default()
 }
 
+/// What tells all names of materials in a file.
+const LISTS: &str = "`neubrdf material FILE` lists them all";
+
 /// Which of a file's materials is meant: the one of this name, or the only one. `names` are not empty; a lone material may have none.
 fn picked(path: &Path, name: Option<&str>, names: &[&str]) -> Result<usize, Error> {
     let place = match name {
@@ -159,7 +162,8 @@ fn picked(path: &Path, name: Option<&str>, names: &[&str]) -> Result<usize, Erro
             [only] => format!("{}, the one material in it, or no name", quote(only)),
             names => {
                 let nearest = nearest(name.unwrap_or_default(), names.iter().copied());
-                format!("the name of one of the {} materials in it, such as {}", names.len(), quote(nearest))
+                let count = names.len();
+                format!("the name of one of the {count} materials in it, such as {}; {LISTS}", quote(nearest))
             }
         };
         Error::unexpected(Place::file(path), found, expected)

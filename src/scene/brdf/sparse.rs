@@ -200,15 +200,15 @@ fn numbers<const N: usize>(path: &Path, line: usize, row: &str, header: &[&str; 
     }
     let mut numbers = [0.0; N];
     for ((number, name), text) in numbers.iter_mut().zip(header).zip(row.split(',')) {
-        let [least, most] = match *name {
-            "u" | "v" => [0.0, 1.0],
-            "wi_theta" | "wo_theta" => [0.0, GRAZING.next_down()],
-            "wi_phi" | "wo_phi" => [-360.0, 360.0],
-            _ => [0.0, BRIGHTEST],
+        let ([least, most], end) = match *name {
+            "u" | "v" => ([0.0, 1.0], "1"),
+            "wi_theta" | "wo_theta" => ([0.0, GRAZING.next_down()], "below 90"),
+            "wi_phi" | "wo_phi" => ([-360.0, 360.0], "360"),
+            _ => ([0.0, BRIGHTEST], "1e8"),
         };
         *number = text.trim().parse().ok().filter(|number| (least..=most).contains(number)).ok_or_else(|| {
             let place = Place { field: Some((*name).to_owned()), ..Place::line(path, line) };
-            Error::unexpected(place, quote(text.trim()), format!("a number from {least:e} to {most:e}"))
+            Error::unexpected(place, quote(text.trim()), format!("a number from {least} to {end}"))
         })?;
     }
     Ok(numbers)
