@@ -72,8 +72,10 @@ impl Job {
 pub fn film_size(word: &str) -> Result<Film, String> {
     word.split_once('x')
         .and_then(|(width, height)| Some(Film { width: width.parse().ok()?, height: height.parse().ok()? }))
-        .filter(|film| film.width > 0 && film.height > 0)
-        .ok_or_else(|| format!("'{word}' is no size: expected WIDTHxHEIGHT in pixels, both at least 1"))
+        .filter(|film| [film.width, film.height].iter().all(|side| (1..=Film::LONGEST_SIDE).contains(side)))
+        .ok_or_else(|| {
+            format!("'{word}' is no size: expected WIDTHxHEIGHT in pixels, both from 1 to {}", Film::LONGEST_SIDE)
+        })
 }
 
 /// Stops that leave something to be seen.

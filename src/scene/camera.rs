@@ -31,8 +31,13 @@ pub struct Lens {
 /// The picture's size. The pixel filter is a box of one pixel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Film {
-    /// Pixels across, ≥ 1.
+    /// Pixels across, 1 to [`Film::LONGEST_SIDE`].
     pub width: u32,
-    /// Pixels down, ≥ 1.
+    /// Pixels down, 1 to [`Film::LONGEST_SIDE`].
     pub height: u32,
+}
+
+impl Film {
+    /// Most pixels across or down.
+    pub const LONGEST_SIDE: u32 = 1 << 16;
 }

@@ -5,8 +5,8 @@ use glam::Vec3;
 use super::light::BRIGHTEST;
 use super::mesh::LARGEST_COORDINATE;
 use super::{
-    Brdf, Camera, Environment, Fresnel, Instance, LayerBase, Layered, Material, Mesh, Opacity, Scene, Sun, Surface,
-    TexturePlacement, Woven, Yarn,
+    Brdf, Camera, Environment, Film, Fresnel, Instance, LayerBase, Layered, Material, Mesh, Opacity, Scene, Sun,
+    Surface, TexturePlacement, Woven, Yarn,
 };
 
 /// A part of a scene that is not as it must be.
@@ -111,10 +111,10 @@ impl Scene {
         self.camera.check()?;
         let film = self.film;
         ensure(
-            film.width > 0 && film.height > 0,
+            [film.width, film.height].iter().all(|side| (1..=Film::LONGEST_SIDE).contains(side)),
             || "film".into(),
             format!("{}x{}", film.width, film.height),
-            "at least 1x1",
+            &format!("from 1 to {} pixels to a side", Film::LONGEST_SIDE),
         )?;
         ensure(!self.materials.is_empty(), || "number of materials".into(), 0, "at least 1")?;
         for (index, texture) in self.textures.iter().enumerate() {

@@ -184,11 +184,10 @@ fn check_size(path: &Path, width: u64, height: u64) -> Result<(), Error> {
 fn read_image(path: &Path, named_by: &Place) -> Result<DynamicImage, Error> {
     let unreadable = |source| Error::read(path, Some(named_by), source);
     let broken = |error: ImageError| {
-        Error::unexpected(
-            Place::file(path),
-            format!("a broken image ({error})"),
-            "a PNG, JPEG, TGA, BMP, OpenEXR or Radiance image",
-        )
+        let what =
+            if matches!(error, ImageError::Unsupported(_)) { "a file of another kind" } else { "a broken image" };
+        let expected = "a PNG, JPEG, TGA, BMP, OpenEXR or Radiance image";
+        Error::unexpected(Place::file(path), format!("{what} ({error})"), expected)
     };
     let open = || ImageReader::open(path).and_then(ImageReader::with_guessed_format).map_err(unreadable);
     let (width, height) = open()?.into_dimensions().map_err(broken)?;

@@ -46,7 +46,7 @@ impl fmt::Display for Place {
 #[non_exhaustive]
 pub enum Error {
     /// The system refused a file.
-    #[error("{}: cannot be read: {source}{}", file.display(), wanted_by(needed_by))]
+    #[error("{}: cannot be read: {source}{}", file.display(), wanted_by(needed_by.as_ref()))]
     Read {
         /// The file.
         file: PathBuf,
@@ -56,10 +56,12 @@ pub enum Error {
         source: io::Error,
     },
     /// The input is not what it should be.
-    #[error("{place}: found {found}, expected {expected}")]
+    #[error("{place}: found {found}, expected {expected}{}", wanted_by(needed_by.as_deref()))]
     Unexpected {
         /// Where.
         place: Place,
+        /// What names the file, if that is wrong as a whole and the user did not name it. Boxed, as every result has room for an error.
+        needed_by: Option<Box<Place>>,
         /// What is there.
         found: String,
         /// What should be there.
@@ -77,8 +79,8 @@ pub enum Error {
     },
 }
 
-fn wanted_by(place: &Option<Place>) -> String {
-    place.as_ref().map(|place| format!(" (named by {place})")).unwrap_or_default()
+fn wanted_by(place: Option<&Place>) -> String {
+    place.map(|place| format!(" (named by {place})")).unwrap_or_default()
 }
 
 fn suggestion(nearest: &str) -> String {
@@ -87,7 +89,19 @@ fn suggestion(nearest: &str) -> String {
 
 impl Error {
     pub(crate) fn unexpected(place: Place, found: impl Into<String>, expected: impl Into<String>) -> Error {
-        Error::Unexpected { place, found: found.into(), expected: expected.into() }
+        Error::Unexpected { place, needed_by: None, found: found.into(), expected: expected.into() }
+    }
+
+    /// The same error, saying of a file that is wrong as a whole what names it, if that is not known yet.
+    pub(crate) fn named_by(mut self, namer: Option<&Place>) -> Error {
+        match &mut self {
+            Error::Read { needed_by, .. } => *needed_by = needed_by.take().or(namer.cloned()),
+            Error::Unexpected { place: Place { line: None, .. }, needed_by, .. } => {
+                *needed_by = needed_by.take().or(namer.cloned().map(Box::new));
+            }
+            _ => {}
+        }
+        self
     }
 
     pub(crate) fn read(file: &Path, needed_by: Option<&Place>, source: io::Error) -> Error {

@@ -63,10 +63,11 @@ impl SurfaceMaps {
             let read = |value: Value| {
                 let place = value.place();
                 let file = beside(&place, value.string()?, &mut warnings);
-                match is_color {
+                let texture = match is_color {
                     true => decode::texture(&file, &place, &mut warnings).map(|(texture, _)| texture),
                     false => decode::numbers(&file, &place, &mut warnings),
-                }
+                };
+                texture.map_err(|error| error.named_by(Some(&place)))
             };
             value.map(read).transpose()
         };

@@ -8,6 +8,7 @@ use super::error::Error;
 use super::method::{AXES, Axes, Method};
 use crate::image::tone_map::MOST_EXPOSURE;
 use crate::scene::table::{Source, Table, Value, read_text};
+use crate::scene::{Film, Place};
 
 /// Longest study or assertion file, bytes.
 pub(super) const LONGEST_FILE: u64 = 1 << 20;
@@ -34,6 +35,9 @@ pub struct ScenePlan {
     pub reference: Option<PathBuf>,
     /// Scene files of the same scene with other models of its materials, by name.
     pub models: Vec<(String, PathBuf)>,
+    /// The study file that names them, unless the user did.
+    #[serde(skip)]
+    pub named_by: Option<Place>,
 }
 
 /// What a study is to do.
@@ -90,7 +94,7 @@ impl ScenePlan {
             Some(stem) if stem != "scene" => stem,
             stem => word(file.parent().and_then(Path::file_name)).or(stem).unwrap_or_else(|| "scene".into()),
         };
-        ScenePlan { name, file, reference: None, models: Vec::new() }
+        ScenePlan { name, file, reference: None, models: Vec::new(), named_by: None }
     }
 }
 
@@ -130,7 +134,8 @@ impl Plan {
         read_integer(&root, "reference_spp", 2, u32::MAX, &mut plan.reference_spp)?;
         read_integer(&root, "seed", 0, u32::MAX, &mut plan.seed)?;
         if let Some(value) = root.get("size") {
-            let size = value.array()?.iter().map(|side| side.integer(1, 65_536)).collect::<Result<Vec<_>, _>>()?;
+            let size =
+                value.array()?.iter().map(|side| side.integer(1, Film::LONGEST_SIDE)).collect::<Result<Vec<_>, _>>()?;
             plan.size = Some(size.try_into().map_err(|_| value.error("an array of a width and a height"))?);
         }
         if let Some(value) = root.get("spp") {
@@ -216,7 +221,8 @@ fn read_integer(table: &Table, key: &str, least: u32, most: u32, target: &mut u3
 fn scene(table: &Table, study: &Path) -> Result<ScenePlan, Error> {
     table.allow(&["file", "name", "reference", "models"])?;
     let beside = |value: &Value| Ok::<_, Error>(study.parent().unwrap_or(Path::new("")).join(value.string()?));
-    let mut scene = ScenePlan::new(beside(&table.require("file")?)?);
+    let file = beside(&table.require("file")?)?;
+    let mut scene = ScenePlan { named_by: Some(table.place()), ..ScenePlan::new(file) };
     if let Some(name) = table.get("name") {
         scene.name = name.string()?.to_owned();
     }

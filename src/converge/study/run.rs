@@ -174,7 +174,7 @@ fn hashes(models: &[(String, Scene)]) -> Vec<(String, String)> {
 
 fn load(scene_plan: &ScenePlan, plan: &Plan, observe: &(dyn Fn(Event) + Sync)) -> Result<Loaded, Error> {
     let read = |file: &PathBuf| -> Result<Scene, Error> {
-        let (mut scene, warnings) = Scene::load(file)?;
+        let (mut scene, warnings) = Scene::load(file).map_err(|error| error.named_by(scene_plan.named_by.as_ref()))?;
         warnings.iter().for_each(|warning| observe(Event::Warning(warning.to_string())));
         if let Some([width, height]) = plan.size {
             scene.film = Film { width, height };
