@@ -9,7 +9,7 @@ use glam::{Affine3A, EulerRot, Mat3, Quat, Vec2, Vec3};
 
 use super::error::{Error, Place, Warning, nearest, open};
 use super::light::BRIGHTEST;
-use super::mesh::{self, LARGEST_COORDINATE};
+use super::mesh::{self, LARGEST_COORDINATE, spacing};
 use super::mtl::{Holds, Library, TextureFile, metal_of};
 use super::named_file::beside;
 use super::obj::{self, Normals};
@@ -23,6 +23,8 @@ use super::{
 const FILM: Film = Film { width: 512, height: 512 };
 /// Vertical field of view unless the scene file says otherwise, degrees.
 const FOV_DEGREES: f32 = 40.0;
+/// A camera whose coordinates are rounded by more than this share of the distance that it looks over deserves a warning.
+const COARSEST_VIEW: f32 = 1e-3;
 /// Longest scene file, bytes.
 const LONGEST_FILE: u64 = 64 << 20;
 
@@ -49,7 +51,16 @@ impl Scene {
 
 fn load_bare_obj(path: &Path) -> Result<(Scene, Vec<Warning>), Error> {
     let mut loader = Loader::default();
-    let mesh = loader.mesh(path, Normals::Auto { crease_degrees: obj::CREASE_DEGREES })?;
+    let normals = Normals::Auto { crease_degrees: obj::CREASE_DEGREES };
+    let (mesh, origin) = loader.mesh(path, None, normals)?;
+    if origin != Vec3::ZERO {
+        // No camera is written in the file's coordinates, and one of `f32` could not keep it in view there.
+        let rounding = spacing(origin.abs().max_element());
+        let message = format!(
+            "far from the origin, where coordinates are rounded to {rounding}: its point {origin} is taken as the origin"
+        );
+        loader.library.warn(Place::file(path), message);
+    }
     let instances = vec![Instance { mesh, object_to_world: Affine3A::IDENTITY }];
     loader.finish(path, None, FILM, instances, Some(Environment::constant(Vec3::ONE)), None)
 }
@@ -86,21 +97,23 @@ fn load_scene_file(path: &Path) -> Result<(Scene, Vec<Warning>), Error> {
 struct Loader {
     library: Library,
     meshes: Vec<Mesh>,
-    /// Which mesh a file with these normals became.
-    known: HashMap<(PathBuf, String), u32>,
+    /// Which mesh a file with these normals became, and where the file has its origin.
+    known: HashMap<(PathBuf, String), (u32, Vec3)>,
 }
 
 impl Loader {
-    /// The index of the mesh in a file, which is loaded once.
-    fn mesh(&mut self, path: &Path, normals: Normals) -> Result<u32, Error> {
+    /// The index of the mesh in a file, which is loaded once, and where the file has the origin of the mesh.
+    fn mesh(&mut self, path: &Path, named_by: Option<&Place>, normals: Normals) -> Result<(u32, Vec3), Error> {
         let key = (path.to_owned(), format!("{normals:?}"));
-        if let Some(&index) = self.known.get(&key) {
-            return Ok(index);
+        if let Some(&known) = self.known.get(&key) {
+            return Ok(known);
         }
-        let index = self.meshes.len() as u32;
-        self.meshes.push(obj::load(path, normals, &mut self.library)?);
-        self.known.insert(key, index);
-        Ok(index)
+        let loaded = obj::load(path, named_by, normals, &mut self.library);
+        let (mesh, origin) = loaded.map_err(|error| error.named_by(named_by))?;
+        let known = (self.meshes.len() as u32, origin);
+        self.meshes.push(mesh);
+        self.known.insert(key, known);
+        Ok(known)
     }
 
     fn finish(
@@ -124,6 +137,7 @@ impl Loader {
             return Err(Error::unexpected(Place::file(path), found, expected));
         }
         let camera = camera.unwrap_or_else(|| framing(&bounds, film));
+        warnings.extend(warning_of_rounding(path, &camera));
         let mut scene = Scene {
             camera,
             film,
@@ -159,11 +173,24 @@ fn framing(bounds: &Bounds, film: Film) -> Camera {
     Camera { eye, target, up: Vec3::Y, vertical_fov_degrees: FOV_DEGREES, lens: None }
 }
 
+/// Far from the origin a camera cannot stand where it should.
+fn warning_of_rounding(path: &Path, camera: &Camera) -> Option<Warning> {
+    let farthest = camera.eye.abs().max(camera.target.abs()).max_element();
+    let distance = camera.eye.distance(camera.target);
+    let message = format!(
+        "the camera looks over {distance}, but coordinates near {farthest} are rounded to {}: bring the meshes to the origin, by a \
+         `translate` in their `transform`, and the camera with them",
+        spacing(farthest)
+    );
+    (spacing(farthest) > COARSEST_VIEW * distance).then(|| Warning { place: Place::file(path), message })
+}
+
 /// Decodes the texture files that the materials still name: an image once, wherever it lies.
 fn decode_textures(scene: &mut Scene, files: &[TextureFile], warnings: &mut Vec<Warning>) -> Result<(), Error> {
     // What became of a file and of its image, once that is decoded.
     let mut decoded: Vec<Option<Option<u32>>> = vec![None; files.len()];
     let mut images: HashMap<usize, Option<Texture>> = HashMap::new();
+    let without_holes = without_holes(&scene.materials, files);
     for material in &mut scene.materials {
         let Material {
             surface,
@@ -186,7 +213,7 @@ fn decode_textures(scene: &mut Scene, files: &[TextureFile], warnings: &mut Vec<
                 let image = files.iter().position(|other| other.path == file.path && other.holds == file.holds);
                 let found = match images.entry(image.unwrap_or(index)) {
                     Entry::Occupied(known) => known.into_mut(),
-                    Entry::Vacant(unknown) => unknown.insert(decode_texture(file, files, warnings)?),
+                    Entry::Vacant(unknown) => unknown.insert(decode_texture(file, &without_holes, warnings)?),
                 };
                 decoded[index] = Some(found.clone().map(|texture| {
                     scene.textures.push(Texture { placement: file.placement, ..texture });
@@ -200,22 +227,39 @@ fn decode_textures(scene: &mut Scene, files: &[TextureFile], warnings: &mut Vec<
     Ok(())
 }
 
+/// The files that materials take colours from and not their holes, each with the name of such a material. What emits cannot have holes, and
+/// what stands in patches has those of the material around it.
+fn without_holes(materials: &[Material], files: &[TextureFile]) -> HashMap<PathBuf, String> {
+    let in_patches: BTreeSet<u32> = materials.iter().filter_map(|material| Some(material.patches?.material)).collect();
+    let mut found = HashMap::new();
+    for (index, material) in (0..).zip(materials) {
+        let path = |texture: Option<u32>| texture.map(|texture| &files[texture as usize].path);
+        let Some(colors) = path(material.surface.color().and_then(|color| color.texture)) else { continue };
+        let may_have_holes = !material.is_emissive() && !in_patches.contains(&index);
+        if may_have_holes && path(material.opacity.texture) != Some(colors) {
+            found.entry(colors.clone()).or_insert_with(|| material.name.clone());
+        }
+    }
+    found
+}
+
 /// A texture of those; `None` where the file turns out not to be what is needed, and a warning says so.
 fn decode_texture(
     file: &TextureFile,
-    all: &[TextureFile],
+    without_holes: &HashMap<PathBuf, String>,
     warnings: &mut Vec<Warning>,
 ) -> Result<Option<Texture>, Error> {
     let TextureFile { path, holds, named_by, .. } = file;
     let warn = |message: String| Warning { place: Place::file(path), message };
-    match holds {
-        Holds::Colors => {
-            let (texture, has_alpha) = decode::texture(path, named_by, warnings)?;
-            if has_alpha && !all.iter().any(|other| other.holds == Holds::Opacities && other.path == *path) {
-                warnings.push(warn("its alpha makes no holes: `map_d`, or `opacity` in a scene file, does".into()));
+    let texture = match holds {
+        Holds::Colors => decode::texture(path, named_by, warnings).map(|(texture, has_alpha)| {
+            if let Some(material) = without_holes.get(path).filter(|_| has_alpha) {
+                warnings.push(warn(format!(
+                    "its alpha makes no holes in the material `{material}`: `map_d`, or `opacity` in a scene file, does"
+                )));
             }
-            Ok(Some(texture))
-        }
+            Some(texture)
+        }),
         Holds::Opacities => decode::opacity(path, named_by, warnings).map(Some),
         Holds::Normals | Holds::Roughnesses | Holds::Metalness => decode::numbers(path, named_by, warnings).map(Some),
         Holds::Directions => {
@@ -235,7 +279,8 @@ fn decode_texture(
                 Ok(None)
             }
         },
-    }
+    };
+    texture.map_err(|error| error.named_by(Some(named_by)))
 }
 
 /// A texture needs coordinates to be looked up at; those faces, by their material and file, have none.
@@ -282,7 +327,7 @@ fn camera(table: &Table) -> Result<Camera, Error> {
 
 fn film(table: &Table) -> Result<Film, Error> {
     table.allow(&["width", "height"])?;
-    let side = |key: &str| table.require(key)?.integer(1, 1 << 16);
+    let side = |key: &str| table.require(key)?.integer(1, Film::LONGEST_SIDE);
     Ok(Film { width: side("width")?, height: side("height")? })
 }
 
@@ -298,14 +343,20 @@ fn add_mesh(table: &Table, loader: &mut Loader, instances: &mut Vec<Instance>) -
         Some(("flat", _)) => Normals::Flat,
         Some((_, value)) => return Err(value.error("\"auto\", \"flat\" or \"smooth\"")),
     };
-    let mesh = loader.mesh(&path, normals)?;
+    let (mesh, origin) = loader.mesh(&path, Some(&named.place()), normals)?;
     let base = table.get("transform").map_or(Ok(Affine3A::IDENTITY), |value| transform(&value.table()?))?;
     let repeats = match table.get("instances") {
         None => vec![Affine3A::IDENTITY],
         Some(value) => value.array()?.iter().map(|item| transform(&item.table()?)).collect::<Result<_, _>>()?,
     };
-    instances.extend(repeats.iter().map(|repeat| Instance { mesh, object_to_world: *repeat * base }));
+    instances.extend(repeats.iter().map(|repeat| Instance { mesh, object_to_world: moved(origin, *repeat * base) }));
     Ok(())
+}
+
+/// A transform of a mesh that is told about another origin. In `f64`, as what moves a mesh from far away to the origin is a small difference.
+fn moved(origin: Vec3, transform: Affine3A) -> Affine3A {
+    let translation = transform.matrix3.as_dmat3() * origin.as_dvec3() + transform.translation.as_dvec3();
+    Affine3A { translation: translation.as_vec3().into(), ..transform }
 }
 
 /// First scales, then turns, then moves; or all of it by a matrix.
@@ -675,7 +726,8 @@ fn environment(table: &Table, loader: &mut Loader) -> Result<Environment, Error>
     let environment = match (table.get("file"), table.get("radiance")) {
         (Some(name), None) => {
             let warnings = &mut loader.library.warnings;
-            decode::environment(&beside(&name.place(), name.string()?, warnings), &name.place(), scale, warnings)?
+            let (path, place) = (beside(&name.place(), name.string()?, warnings), name.place());
+            decode::environment(&path, &place, scale, warnings).map_err(|error| error.named_by(Some(&place)))?
         }
         (None, Some(radiance)) => Environment::constant(radiance.color(0.0, BRIGHTEST)? * scale),
         _ => return Err(table.error("not just one of `file` and `radiance`", "exactly one of them")),

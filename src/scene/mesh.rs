@@ -48,6 +48,11 @@ impl Mesh {
 /// Largest magnitude of a coordinate: the squared length of a cross product of edges still fits an `f32`.
 pub(super) const LARGEST_COORDINATE: f32 = 1e8;
 
+/// How far apart the numbers are that an `f32` can be, at a coordinate of this magnitude.
+pub(super) fn spacing(coordinate: f32) -> f32 {
+    coordinate.abs().next_up() - coordinate.abs()
+}
+
 impl Mesh {
     /// Removes triangles without area, and vertices that only those used. Returns how many triangles went.
     pub(super) fn drop_degenerate(&mut self) -> usize {

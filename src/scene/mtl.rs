@@ -9,7 +9,7 @@ use glam::{Vec2, Vec3};
 
 use super::error::{Error, Place, Warning, open, quote};
 use super::light::BRIGHTEST;
-use super::named_file::{beside, there};
+use super::named_file::{beside, there, uncommented};
 use super::statements::{Fault, Statements, number};
 use super::{Brdf, Color, Fresnel, Material, Opacity, Patches, Surface, TexturePlacement};
 
@@ -88,7 +88,10 @@ impl Library {
             // A statement may name several files, or one file with spaces in its name.
             let files = match there(&place, names, &mut self.warnings) {
                 Some(whole) => vec![whole],
-                None => names.split_whitespace().map(|name| beside(&place, name, &mut self.warnings)).collect(),
+                None => {
+                    let names = uncommented(names).split_whitespace();
+                    names.map(|name| beside(&place, name, &mut self.warnings)).collect()
+                }
             };
             for file in files {
                 self.read_material_file(&file, &place)?;
@@ -129,6 +132,7 @@ impl Library {
             self.definitions.insert(material.name.clone(), Definition { place, material });
         }
         for (statement, material) in unused {
+            let statement = statement.replace(OPTION, " ");
             let message = format!("`{statement}` is not supported and ignored (first in the material `{material}`)");
             self.warn(Place::file(path), message);
         }
@@ -186,7 +190,8 @@ impl Library {
         if let Some(index) = self.brdf_files.iter().position(|known| *known == key) {
             return Ok(index as u32);
         }
-        self.brdfs.push(Arc::new(Brdf::load_for(&key.0, name, Some(named_by))?));
+        let brdf = Brdf::load_for(&key.0, name, Some(named_by)).map_err(|error| error.named_by(Some(named_by)))?;
+        self.brdfs.push(Arc::new(brdf));
         self.brdf_files.push(key);
         Ok(self.brdfs.len() as u32 - 1)
     }
@@ -205,7 +210,8 @@ impl Library {
             None => diffuse.unwrap_or(Vec3::splat(0.5)),
         };
         let parameter = |name: &str| material.unknown_param.get(name).and_then(|text| text.parse::<f32>().ok());
-        let roughness = parameter("Pr").map(|roughness| roughness.clamp(0.0, 1.0));
+        let mut share = |name: &str| parameter(name).map(|value| self.clamped(place, name, value, [0.0, 1.0]));
+        let [roughness, metallic, anisotropy] = ["Pr", "Pm", "aniso"].map(&mut share);
         // Blinn's exponent and GGX's α of lobes of the same width (Walter et al. 2007).
         let alpha_of_shininess = |shininess: f32| (2.0 / (shininess.max(0.0) + 2.0)).sqrt();
         let alpha_or = |otherwise: f32| match (roughness, material.shininess) {
@@ -214,12 +220,12 @@ impl Library {
             (None, None) => otherwise,
         };
         // The anisotropy of Burley 2012: α along u over α along v is 1 / (1 − 0.9·aniso).
-        let aspect = (1.0 - 0.9 * parameter("aniso").unwrap_or(0.0).clamp(0.0, 1.0)).sqrt();
+        let aspect = (1.0 - 0.9 * anisotropy.unwrap_or(0.0)).sqrt();
         let stretch = |alpha: f32| Vec2::new((alpha / aspect).min(1.0), alpha * aspect);
 
         let illumination = material.illumination_model.unwrap_or(2);
         let metalness = material.unknown_param.get("map_Pm");
-        let metallic = parameter("Pm").filter(|_| metalness.is_none()).unwrap_or(0.0);
+        let metallic = metallic.filter(|_| metalness.is_none()).unwrap_or(0.0);
         let no_base = albedo.value == Vec3::ZERO;
         let surface = if self.is_glass(place, material, illumination) {
             let ior = self.index(place, material.optical_density.unwrap_or(1.5));
@@ -275,17 +281,15 @@ impl Library {
     /// The number of the texture that a statement names, placed as its options say.
     fn map(&mut self, place: &Place, material: &tobj::Material, statement: &str, name: &str, holds: Holds) -> u32 {
         let placed = material.unknown_param.get(&placed(statement)).and_then(|text| placement_of(text));
-        let path = beside(place, name, &mut self.warnings);
+        let whole = there(place, name, &mut self.warnings);
+        let path = whole.unwrap_or_else(|| beside(place, uncommented(name), &mut self.warnings));
         self.texture(path, holds, placed.unwrap_or_default(), place)
     }
 
     /// What `d` and `map_d` say. Of glass `d` says that one sees through, not that it is not there.
     fn opacity(&mut self, place: &Place, material: &tobj::Material, is_glass: bool) -> Opacity {
         let dissolve = material.dissolve.filter(|_| !is_glass).unwrap_or(1.0);
-        let value = dissolve.clamp(0.0, 1.0);
-        if value != dissolve {
-            self.warn(place.clone(), format!("d {dissolve} is outside of [0, 1]: clamped to {value}"));
-        }
+        let value = self.clamped(place, "d", dissolve, [0.0, 1.0]);
         if value == 0.0 {
             self.warn(place.clone(), "with `d 0` it cannot be seen");
         }
@@ -322,9 +326,14 @@ impl Library {
     }
 
     fn index(&mut self, place: &Place, ior: f32) -> f32 {
-        let clamped = ior.clamp(0.1, 10.0);
-        if ior != clamped {
-            self.warn(place.clone(), format!("Ni {ior} is outside of [0.1, 10]: clamped to {clamped}"));
+        self.clamped(place, "Ni", ior, [0.1, 10.0])
+    }
+
+    fn clamped(&mut self, place: &Place, statement: &str, value: f32, [least, most]: [f32; 2]) -> f32 {
+        let clamped = value.clamp(least, most);
+        if value != clamped {
+            let message = format!("{statement} {value} is outside of [{least}, {most}]: clamped to {clamped}");
+            self.warn(place.clone(), message);
         }
         clamped
     }
@@ -430,7 +439,7 @@ fn check(statement: &str, named: bool, out: &mut String) -> Result<Option<String
                         let height = numbers().next().filter(|height| height.is_finite()).unwrap_or(1.0);
                         out.push_str(&format!("{BUMP_HEIGHT} {}\n", height.clamp(-1e3, 1e3)));
                     }
-                    _ => out.push_str(&format!("{keyword}{option} 1\n")),
+                    _ => out.push_str(&format!("{keyword}{OPTION}{option} 1\n")),
                 }
             }
             let TexturePlacement { scale, offset } = placement;
@@ -451,6 +460,9 @@ fn non_negative<'a>(words: &mut impl Iterator<Item = &'a str>) -> Result<f32, Fa
 
 /// How far white is above black in a bump map, as `tobj` is shown it.
 const BUMP_HEIGHT: &str = "bump@height";
+
+/// What stands between a statement and an option of it that has no effect, as `tobj` is shown them.
+const OPTION: &str = "@";
 
 /// What a statement that tells where a texture lies, as `tobj` is shown it, ends with. No statement of a file has such a character.
 const PLACED: &str = "@placed";

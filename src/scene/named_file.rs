@@ -41,6 +41,14 @@ pub(super) fn beside(place: &Place, name: &str, warnings: &mut Vec<Warning>) -> 
     }
 }
 
+/// A name without the comment that may follow it in a line of an MTL or OBJ file.
+pub(super) fn uncommented(name: &str) -> &str {
+    name.match_indices('#')
+        .map(|(at, _)| &name[..at])
+        .find(|name| name.ends_with(char::is_whitespace))
+        .map_or(name, str::trim_end)
+}
+
 fn plain(name: &str) -> String {
     name.trim_matches('"').replace('\\', "/")
 }

@@ -4,13 +4,13 @@ use std::collections::HashMap;
 use std::io::BufReader;
 use std::path::Path;
 
-use glam::{Vec2, Vec3};
+use glam::{DVec3, Vec2, Vec3};
 
 use super::error::{Error, Place, open, quote};
-use super::mesh::LARGEST_COORDINATE;
+use super::mesh::{LARGEST_COORDINATE, spacing};
 use super::polygon::{MOST_EARS, triangulate};
 use super::statements::{Fault, Statements, number};
-use super::{Mesh, mtl, normals};
+use super::{Bounds, Mesh, mtl, normals};
 
 /// Where the shading normals of a mesh come from.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -32,12 +32,16 @@ pub(super) enum Normals {
 /// Crease angle unless the scene says otherwise, degrees.
 pub(super) const CREASE_DEGREES: f32 = 40.0;
 
-/// Statements of the OBJ specification (Wavefront, version 3.0) that say nothing to a renderer of triangles.
-const IGNORED: &str = "o g s mg lod p l vp cstype deg bmat step curv curv2 surf parm trim hole scrv sp end con bevel \
-    c_interp d_interp maplib usemap shadow_obj trace_obj ctech stech call csh bsp bzp cdc";
+/// A mesh whose coordinates `f32` would round by more than this share of its size is read about its own middle. A building on the
+/// grid of its country is, and a whole town; nothing within some hundreds of its sizes of the origin.
+const COARSEST: f32 = 2e-5;
 
-/// Those of them whose absence from the picture deserves a warning.
-const DRAWABLE: [&str; 5] = ["p", "l", "curv", "curv2", "surf"];
+/// Statements of the OBJ specification (Wavefront, version 3.0) that say nothing to a renderer of triangles.
+const IGNORED: &str = "o g s mg lod vp cstype deg bmat step parm trim hole scrv sp end con bevel \
+    c_interp d_interp maplib usemap shadow_obj trace_obj ctech stech res";
+
+/// Those whose absence from the picture deserves a warning.
+const DRAWABLE: [&str; 9] = ["p", "l", "curv", "curv2", "surf", "bsp", "bzp", "cdc", "cdp"];
 
 /// How many of a face's corners have an attribute.
 #[derive(Clone, Copy, PartialEq)]
@@ -60,6 +64,8 @@ impl Share {
 /// What the check of the statements gathers on the way.
 #[derive(Default)]
 struct Census {
+    /// What is subtracted from positions.
+    origin: DVec3,
     positions: usize,
     uvs: usize,
     normals: usize,
@@ -95,7 +101,15 @@ impl Census {
                     coordinate(&mut words).map_err(|fault| fault.of(format!("vertex {}", self.positions + 1)))?;
                 }
                 self.positions += 1;
-                if words.next().is_none() && uncommented {
+                if self.origin != DVec3::ZERO {
+                    let moved = numbers.split_whitespace().zip(self.origin.to_array()).map(|(word, origin)| {
+                        let coordinate: f64 = word.parse().expect("a number, as checked above");
+                        (coordinate - origin) as f32
+                    });
+                    out.push('v');
+                    moved.for_each(|coordinate| out.push_str(&format!(" {coordinate}")));
+                    out.push('\n');
+                } else if words.next().is_none() && uncommented {
                     push_line(out, statement);
                 } else {
                     push_words(out, "v", numbers, 3);
@@ -154,7 +168,18 @@ impl Census {
                 out.push_str(&format!("usemtl {}\n", self.material_numbers[rest]));
             }
             _ if DRAWABLE.contains(&keyword) => {
-                self.warn_once(line, format!("`{keyword}` (points, lines, curves) is not rendered"));
+                let message =
+                    format!("`{keyword}` (points, lines, curves and their surfaces) is not rendered: export faces");
+                self.warn_once(line, message);
+            }
+            "call" => {
+                let message = format!("the file of {} is not read: put its statements here", quote(statement));
+                self.warn_once(line, message);
+            }
+            "csh" => {
+                let message =
+                    format!("the command of {} is not run: put the statements that it prints here", quote(statement));
+                self.warn_once(line, message);
             }
             _ if IGNORED.split_whitespace().any(|ignored| ignored == keyword) => {}
             _ if keyword.starts_with('#') => {}
@@ -227,17 +252,43 @@ fn coordinate<'a>(words: &mut impl Iterator<Item = &'a str>) -> Result<(), Fault
     }
 }
 
-/// Reads an OBJ file into one mesh. Its materials and their textures go to `library`.
-pub(super) fn load(path: &Path, normals: Normals, library: &mut mtl::Library) -> Result<Mesh, Error> {
-    let file = open(path, None)?;
-    let mut census = Census::default();
+/// Reads the statements of an OBJ file, whose positions are told about `origin`.
+fn parse(path: &Path, named_by: Option<&Place>, origin: Vec3) -> Result<(Vec<tobj::Model>, Census), Error> {
+    let file = open(path, named_by)?;
+    let mut census = Census { origin: origin.as_dvec3(), ..Census::default() };
     let check = |line: usize, statement: &str, out: &mut String| census.check(line, statement, out);
-    let mut statements = Statements::new(path, None, BufReader::with_capacity(1 << 16, file), check);
+    let mut statements = Statements::new(path, named_by, BufReader::with_capacity(1 << 16, file), check);
     let options = tobj::LoadOptions { single_index: true, ..Default::default() };
-    let models = match tobj::load_obj_buf(&mut statements, &options, numbered_library) {
-        Ok((models, _)) => models,
-        Err(error) => return Err(statements.into_error(error)),
-    };
+    match tobj::load_obj_buf(&mut statements, &options, numbered_library) {
+        Ok((models, _)) => Ok((models, census)),
+        Err(error) => Err(statements.into_error(error)),
+    }
+}
+
+/// The middle of a mesh that is too far from the origin for `f32` to tell its vertices apart; else the origin.
+fn middle_if_far(models: &[tobj::Model]) -> Vec3 {
+    let positions = models.iter().flat_map(|model| model.mesh.positions.chunks_exact(3));
+    let bounds = positions.fold(Bounds::EMPTY, |bounds, position| bounds.including(Vec3::from_slice(position)));
+    let farthest = bounds.min.abs().max(bounds.max.abs()).max_element();
+    let is_far = farthest.is_finite() && spacing(farthest) > COARSEST * 2.0 * bounds.radius();
+    if is_far { bounds.center() } else { Vec3::ZERO }
+}
+
+/// Reads an OBJ file into one mesh, and tells where its origin is, in the file's coordinates: there too, unless `f32` would round much of the
+/// mesh away. Its materials and their textures go to `library`.
+pub(super) fn load(
+    path: &Path,
+    named_by: Option<&Place>,
+    normals: Normals,
+    library: &mut mtl::Library,
+) -> Result<(Mesh, Vec3), Error> {
+    let (mut models, mut census) = parse(path, named_by, Vec3::ZERO)?;
+    let origin = middle_if_far(&models);
+    if origin != Vec3::ZERO {
+        // Few files are far away, and those that are not shall not take the memory of `f64`.
+        drop(models);
+        (models, census) = parse(path, named_by, origin)?;
+    }
     for (line, message) in std::mem::take(&mut census.warnings) {
         library.warn(Place::line(path, line), message);
     }
@@ -292,7 +343,7 @@ pub(super) fn load(path: &Path, normals: Normals, library: &mut mtl::Library) ->
     if mesh.materials.iter().all(|material| *material == mesh.materials[0]) {
         mesh.materials.truncate(1);
     }
-    Ok(mesh)
+    Ok((mesh, origin))
 }
 
 /// Stands in for a material library: defines just the material that its file name says.

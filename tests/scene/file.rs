@@ -110,7 +110,7 @@ fn scene_file_errors_name_line_field_and_remedy() {
         ("", vec!["s.toml:1", "nothing", "the key `mesh`"]),
         ("mesh = 3\n", vec!["mesh", "`3`", "an array"]),
         ("mesh = [\n", vec!["s.toml", "broken TOML"]),
-        ("[[mesh]]\nfile = 'b.obj'\n", vec!["b.obj: cannot be read"]),
+        ("[[mesh]]\nfile = 'b.obj'\n", vec!["b.obj: cannot be read", "s.toml:2: mesh[0].file"]),
         ("[[mesh]]\nfile = 'a.obj'\nnormals = 'soft'\n", vec!["s.toml:3", "mesh[0].normals", "`'soft'`", "\"smooth\""]),
         ("[[mesh]]\nfile = 'a.obj'\ntransform = { scale = 0 }\n", vec!["mesh[0].transform", "determinant 0"]),
         ("[[mesh]]\nfile = 'a.obj'\ntransform = { scale = 1, matrix = [] }\n", vec!["no other key"]),

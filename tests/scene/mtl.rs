@@ -72,13 +72,24 @@ fn unsupported_mtl_statements_warn_once_each() {
 }
 
 #[test]
+fn what_lies_out_of_range_is_clamped_with_a_warning() {
+    for (text, inside) in [("Pr 1.5", "Pr 1"), ("Pm 5", "Pm 1"), ("aniso 2", "aniso 1"), ("Ni 20", "Ni 10")] {
+        let coated = "Kd .5\nKs 1\nillum 2\n";
+        let (material, warnings) = mtl(&format!("{coated}{text}\n"));
+        assert!(warnings.len() == 1 && warnings[0].contains(&format!("{text} is outside of")), "{warnings:?}");
+        let (expected, warnings) = mtl(&format!("{coated}{inside}\n"));
+        assert!(warnings.is_empty() && material == expected, "{inside}: {warnings:?}");
+    }
+}
+
+#[test]
 fn mtl_materials_dissolve() {
     for (text, value, says) in [
         ("Kd 1\n", 1.0, None),
         ("d .25\n", 0.25, None),
         ("d -halo .25\n", 0.25, None),
         ("Tr .25\n", 1.0, None),
-        ("d 1.5\n", 1.0, Some("clamped to 1")),
+        ("d 1.5\n", 1.0, Some("d 1.5 is outside of [0, 1]: clamped to 1")),
         ("d 0\n", 0.0, Some("cannot be seen")),
         ("d .25\nillum 7\n", 1.0, None),
         ("d .25\nKe 1\n", 1.0, Some("ignored, as it emits")),

@@ -21,6 +21,61 @@ fn concave_polygons_keep_their_outline() {
 }
 
 #[test]
+fn statements_without_effect_warn_where_something_is_missing() {
+    let triangle = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n";
+    for (statement, says) in [
+        ("call other.obj", Some("the file of `call other.obj` is not read: put its statements here")),
+        ("csh cat other.obj", Some("the command of `csh cat other.obj` is not run")),
+        ("surf 0 1 0 1 1 2 3", Some("`surf` (points, lines, curves and their surfaces) is not rendered")),
+        ("bzp 1 2 3", Some("`bzp`")),
+        ("cstype bezier", None),
+        ("usemap none", None),
+        ("shadow_obj other.obj", None),
+        ("lod 3", None),
+    ] {
+        let (scene, warnings) = obj(&format!("{triangle}{statement}\n{statement}\n"));
+        assert_eq!(scene.meshes[0].triangles.len(), 1);
+        assert_eq!(warnings.len(), usize::from(says.is_some()), "{statement}: {warnings:?}");
+        for (warning, part) in warnings.iter().map(Warning::to_string).zip(says) {
+            assert!(warning.contains("a.obj:5: ") && warning.contains(part), "{warning}");
+        }
+    }
+}
+
+/// Steps of an `f32` are 0.5 there.
+#[test]
+fn far_meshes_keep_their_shape() {
+    let far = "v 512345.125 5412345.25 -.25 # a corner\nv 512346.375 5412345.25 0 1 0 0\nv 512345.125 5412346.3125 0\nf 1 2 3\n";
+    let edges = |scene: &Scene| {
+        let [a, b, c] = triangles(&scene.meshes[0])[0];
+        [b - a, c - a]
+    };
+    let expected = [Vec3::new(1.25, 0.0, 0.25), Vec3::new(0.0, 1.0625, 0.25)];
+    let (bare, warnings) = obj(far);
+    assert_eq!(edges(&bare), expected);
+    assert!(bare.bounds().center().length() < 1.0);
+    assert!(warnings.len() == 1 && warnings[0].to_string().contains("rounded to 0.5: its point ["), "{warnings:?}");
+
+    let mesh = |transform: &str| format!("[[mesh]]\nfile = 'a.obj'\n{transform}\n{SKY}");
+    let brought = mesh("transform = { translate = [-512345, -5412345, 0] }");
+    let folder = Folder::new(&[("a.obj", far), ("there.toml", &mesh("")), ("brought.toml", &brought)]);
+    let brought = folder.scene("brought.toml");
+    assert_eq!(edges(&brought), expected);
+    let corner = brought.instances[0].object_to_world.transform_point3(triangles(&brought.meshes[0])[0][0]);
+    assert!(corner.distance(Vec3::new(0.125, 0.25, -0.25)) < 1e-6, "{corner}");
+    let (there, warnings) = folder.load("there.toml").unwrap();
+    assert_eq!(edges(&there), expected);
+    assert!(there.bounds().center().distance(Vec3::new(512345.75, 5412345.75, -0.125)) <= 1.0);
+    assert!(
+        warnings.len() == 1 && warnings[0].to_string().contains("are rounded to 0.5: bring the meshes to the origin"),
+        "{warnings:?}"
+    );
+    let hundreds_of_sizes_away = obj("v 100 0 0\nv 101 0 0\nv 100 1 0\nf 1 2 3\n");
+    assert_eq!(hundreds_of_sizes_away.0.meshes[0].positions[0], Vec3::new(100.0, 0.0, 0.0));
+    assert!(hundreds_of_sizes_away.1.is_empty());
+}
+
+#[test]
 fn a_texture_without_coordinates_warns() {
     let others = format!("{TRIANGLE}vt 0 0\nusemtl n\nf 1/1 2/1 3/1\nusemtl plain\nf 1 3 2\n");
     let mtl = "newmtl m\nmap_Kd t.png\nnewmtl n\nmap_Kd t.png\nnewmtl plain\nKd 1 1 1\n";

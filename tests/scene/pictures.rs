@@ -38,7 +38,7 @@ fn textures_decode_to_linear_and_load_once() {
     assert_eq!(albedo(2), Color { value: Vec3::ONE, texture: Some(1) });
     assert_eq!(albedo(3), Color::constant(Vec3::splat(0.5)));
     let warnings: Vec<String> = warnings.iter().map(Warning::to_string).collect();
-    assert!(warnings.iter().any(|warning| warning.contains("`map_Kd-clamp` is not supported")), "{warnings:?}");
+    assert!(warnings.iter().any(|warning| warning.contains("`map_Kd -clamp` is not supported")), "{warnings:?}");
     assert!(warnings.iter().any(|warning| warning.contains("2 texels lie outside of [0, 1]")), "{warnings:?}");
 }
 
@@ -103,7 +103,7 @@ fn opacities_are_alphas_or_brightnesses() {
 
     let (scene, warnings) = folder.load("s.toml").unwrap();
     let warnings: Vec<String> = warnings.iter().map(Warning::to_string).collect();
-    assert!(warnings.len() == 1 && warnings[0].contains("`map_d-clamp` is not supported"), "{warnings:?}");
+    assert!(warnings.len() == 1 && warnings[0].contains("`map_d -clamp` is not supported"), "{warnings:?}");
     let opacities: Vec<(f32, Vec<f32>)> = (0..4)
         .map(|index| {
             let Opacity { value, texture } = scene.materials[index].opacity;
@@ -121,6 +121,47 @@ fn opacities_are_alphas_or_brightnesses() {
     let warnings = folder.load("s.toml").unwrap().1;
     assert!(warnings.iter().any(|warning| warning.to_string().contains("its alpha makes no holes")), "{warnings:?}");
     assert_eq!(scene.textures[albedo.texture.unwrap() as usize].texels[1][0].to_f32(), 1.0);
+}
+
+/// The alpha of a file that another material names as its opacity, too.
+#[test]
+fn a_material_whose_texture_makes_no_holes_is_told() {
+    let mtl = "newmtl a\nmap_Kd t.png\nnewmtl b\nmap_Kd t.png\nmap_d t.png\nmap_Pm t.png\n";
+    let folder = Folder::new(&[("a.obj", &triangles_of(&["a", "b"])), ("a.mtl", mtl)]);
+    image::RgbaImage::new(1, 1).save(folder.path("t.png")).unwrap();
+    let warnings = folder.load("a.obj").unwrap().1;
+    assert!(warnings.len() == 1, "{warnings:?}");
+    assert!(warnings[0].to_string().contains("its alpha makes no holes in the material `a`"), "{}", warnings[0]);
+    fs::write(folder.path("a.mtl"), mtl.replace("map_Kd t.png\nnewmtl", "newmtl")).unwrap();
+    folder.scene("a.obj");
+}
+
+/// A file that is no image, or is one of a kind that is not read: the error says which kinds are, and what names it.
+#[test]
+fn an_unreadable_texture_is_told_with_what_names_it() {
+    let folder = Folder::new(&[("a.obj", &triangles_of(&["m"])), ("x.gif", "GIF89a..."), ("cut.png", "\u{89}PNG")]);
+    image::RgbImage::new(9, 9).save(folder.path("whole.png")).unwrap();
+    let whole = fs::read(folder.path("whole.png")).unwrap();
+    fs::write(folder.path("cut.png"), &whole[..whole.len() / 2]).unwrap();
+    for (name, what) in
+        [("x.gif", "x.gif: found a file of another kind ("), ("cut.png", "cut.png: found a broken image (")]
+    {
+        fs::write(folder.path("a.mtl"), format!("newmtl m\nmap_Kd {name}\n")).unwrap();
+        let error = folder.load("a.obj").map(|_| ()).unwrap_err().to_string();
+        for part in [what, "expected a PNG, JPEG", "(named by ", "a.mtl:1: material `m`)"] {
+            assert!(error.contains(part), "{error}: lacks {part}");
+        }
+    }
+}
+
+#[test]
+fn a_comment_may_follow_a_files_name() {
+    let folder = Folder::new(&[("a.obj", &triangles_of(&["m"]).replace("a.mtl", "a.mtl # materials"))]);
+    for (named, file) in [("t.png # red", "t.png"), ("t#1.png\t# red", "t#1.png"), ("t #2.png", "t #2.png")] {
+        image::RgbImage::new(1, 1).save(folder.path(file)).unwrap();
+        fs::write(folder.path("a.mtl"), format!("newmtl m\nmap_Kd {named}\n")).unwrap();
+        assert_eq!(folder.scene("a.obj").textures[0].name, file);
+    }
 }
 
 /// What is called a bump map holds normals, or heights; one that cannot be read is left out with a warning.
@@ -177,7 +218,7 @@ fn maps_of_roughness_load() {
     let (scene, warnings) = load("").unwrap();
     assert_eq!(maps(""), [Some(0), Some(0), None], "chalk is diffuse");
     assert_eq!(scene.textures[0].texels[1][0], f16::from_f32(90.0 / 255.0), "as it is written");
-    assert!(warnings.len() == 1 && warnings[0].to_string().contains("map_Pr-clamp"), "{warnings:?}");
+    assert!(warnings.len() == 1 && warnings[0].to_string().contains("map_Pr -clamp"), "{warnings:?}");
     assert_ne!(load("[material.metal]\nalpha = 0.3").unwrap().0.hash(), scene.hash());
 
     assert_eq!(maps("[material.metal]\nemission = 1"), [Some(0), Some(0), None]);
