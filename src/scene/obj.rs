@@ -102,12 +102,11 @@ impl Census {
                 }
                 self.positions += 1;
                 if self.origin != DVec3::ZERO {
-                    let moved = numbers.split_whitespace().zip(self.origin.to_array()).map(|(word, origin)| {
-                        let coordinate: f64 = word.parse().expect("a number, as checked above");
-                        (coordinate - origin) as f32
-                    });
                     out.push('v');
-                    moved.for_each(|coordinate| out.push_str(&format!(" {coordinate}")));
+                    for (word, origin) in numbers.split_whitespace().zip(self.origin.to_array()) {
+                        let coordinate: f64 = word.parse().map_err(|_| Fault::new(quote(word), "a finite number"))?;
+                        out.push_str(&format!(" {}", (coordinate - origin) as f32));
+                    }
                     out.push('\n');
                 } else if words.next().is_none() && uncommented {
                     push_line(out, statement);

@@ -60,7 +60,7 @@ const MOST_SCORES: usize = 1 << 27;
 /// What an albedo above 1 counts in a training of measurements.
 const ENERGY: f32 = 1.0;
 
-/// Beyond these a fit pays more than albedos gain (docs/training.md).
+/// These bring all published materials to within 1 % (docs/fits.md).
 const ALBEDO_ROUNDS: u32 = 6;
 
 /// Codes of texels where there are more texels than an index can name.

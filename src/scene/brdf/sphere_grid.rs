@@ -63,7 +63,12 @@ pub struct SpherePlace {
 impl SpherePlace {
     /// The same place on a grid that is not finer.
     pub fn on(self, grid: SphereGrid) -> SpherePlace {
-        SpherePlace { grid, cell: self.cell.coarser(self.grid.max_level() - grid.max_level()) }
+        let level = self.grid.max_level() - grid.max_level();
+        let Cell { i, j, .. } = self.cell;
+        SpherePlace {
+            grid,
+            cell: Cell { i: i >> level, j: j >> level, size: 1, ..self.cell.ancestor(self.grid, level) },
+        }
     }
 
     /// As [`SphereGrid::locate`].
@@ -271,14 +276,6 @@ impl Cell {
         let j = (y as u32).min(2 * n - 1 - i);
         let inside = |x: f64, i: u32| (x - f64::from(i)).clamp(0.0, 1.0);
         Cell { quadrant, i, j, size: 1, u: inside(x, i), v: inside(y, j) }
-    }
-
-    /// The same place on a grid of so many levels less, where a side is one step again.
-    fn coarser(self, levels: u32) -> Cell {
-        let size = f64::from(1u32 << levels);
-        let parent = |i: u32, u: f64| (i >> levels, (f64::from(i & ((1 << levels) - 1)) + u) / size);
-        let ((i, u), (j, v)) = (parent(self.i, self.u), parent(self.j, self.v));
-        Cell { i, j, u, v, ..self }
     }
 
     /// The pixel `level` levels up that contains this one.
