@@ -42,13 +42,9 @@ vec3 triangle_shear(TriangleRay ray, vec3 corner) {
     return sheared;
 }
 
-// Whether the ray meets the triangle, from either side, with tmin < t < tmax, and where:
+// Whether a ray along z from the origin meets the triangle of sheared corners, from either side, with tmin < t < tmax, and where:
 // the point is o + t d = (1 - u - v) v0 + u v1 + v v2.
-bool intersect_triangle(TriangleRay ray, float tmin, float tmax, vec3 v0, vec3 v1, vec3 v2, out float t, out float u,
-                        out float v) {
-    vec3 a = triangle_shear(ray, v0);
-    vec3 b = triangle_shear(ray, v1);
-    vec3 c = triangle_shear(ray, v2);
+bool intersect_sheared(vec3 a, vec3 b, vec3 c, float tmin, float tmax, out float t, out float u, out float v) {
     precise float weight_a = c.x * b.y - c.y * b.x;
     precise float weight_b = a.x * c.y - a.y * c.x;
     precise float weight_c = b.x * a.y - b.y * a.x;
@@ -63,6 +59,12 @@ bool intersect_triangle(TriangleRay ray, float tmin, float tmax, vec3 v0, vec3 v
     bool front = weight_a >= 0.0 && weight_b >= 0.0 && weight_c >= 0.0;
     bool back = weight_a <= 0.0 && weight_b <= 0.0 && weight_c <= 0.0;
     return (front || back) && determinant != 0.0 && t > tmin && t < tmax;
+}
+
+// The same of a ray and a triangle as they are.
+bool intersect_triangle(TriangleRay ray, float tmin, float tmax, vec3 v0, vec3 v1, vec3 v2, out float t, out float u,
+                        out float v) {
+    return intersect_sheared(triangle_shear(ray, v0), triangle_shear(ray, v1), triangle_shear(ray, v2), tmin, tmax, t, u, v);
 }
 
 // The same for a ray that is not tested against many triangles.

@@ -11,12 +11,6 @@ layout(constant_id = 11) const uint LANES = 32u;
 // Words of the stack: entries, or in a packet entries / LANES; entries are at most 96.
 layout(constant_id = 12) const uint STACK_WORDS = 96u;
 
-bool meets_box(BoxRay ray, vec3 lower, vec3 upper, float t_max) {
-    vec3 near = (mix(lower, upper, ray.is_negative) - ray.near_origin) * ray.near_scale;
-    vec3 far = (mix(upper, lower, ray.is_negative) - ray.far_origin) * ray.far_scale;
-    return larger(larger(near.x, near.y), larger(near.z, 0.0)) <= smaller(smaller(far.x, far.y), smaller(far.z, t_max));
-}
-
 // Entry e of a packet's stack lies in lane e % LANES of word e / LANES.
 void push_packet(uint level, uint entry, bool wanted) {
     uint place = wanted ? stacks[level].size - gl_SubgroupInvocationID : ~0u;
@@ -26,23 +20,21 @@ void push_packet(uint level, uint entry, bool wanted) {
     stacks[level].size += uint(wanted);
 }
 
-uint pop_packet(uint level) {
-    uint entry = END;
-    if (stacks[level].size != 0u) {
-        stacks[level].size -= 1u;
-        uint size = stacks[level].size;
-        uint word = stacks[level].word[0];
-        [[unroll]] for (uint i = 1u; i < STACK_WORDS; ++i) {
-            word = size / LANES == i ? stacks[level].word[i] : word;
-        }
-        entry = subgroupShuffle(word, size % LANES);
+// What pop_packet will return.
+uint peek_packet(uint level) {
+    uint size = stacks[level].size - 1u;
+    uint word = stacks[level].word[0];
+    [[unroll]] for (uint i = 1u; i < STACK_WORDS; ++i) {
+        word = size / LANES == i ? stacks[level].word[i] : word;
     }
-    return entry;
+    uint entry = subgroupShuffle(word, size % LANES);
+    return stacks[level].size != 0u ? entry : END;
 }
 
-// SwiftShader knows no casts from reference to reference.
-WordArray words(uvec2 reference) {
-    return WordArray(reference);
+uint pop_packet(uint level) {
+    uint entry = peek_packet(level);
+    stacks[level].size -= min(stacks[level].size, 1u);
+    return entry;
 }
 
 // The bits that any invocation of the packet has.
@@ -57,50 +49,128 @@ bool nobody(bool wants) {
     return any_lane(uint(wants)) == 0u;
 }
 
+// Where this lane's words begin: what follows is at a distance from there that is known when the kernel is built.
+WordArray own_words(uvec2 reference, uint first) {
+    uint carry;
+    uint low = uaddCarry(reference.x, 4u * (first + gl_SubgroupInvocationID), carry);
+    return WordArray(uvec2(low, reference.y + carry));
+}
+
+// One plane of a child's box, for each lane its own choice of lower and upper. Both stand in eight lanes of one word or four of two.
+float plane_packet(uint held[8], uint axis, uint slot, bool is_upper) {
+    if (LANES == 8u) {
+        return uintBitsToFloat(subgroupShuffle(held[axis], slot + (is_upper ? 4u : 0u)));
+    } else {
+        uint lower = subgroupShuffle(held[2u * axis], slot);
+        uint upper = subgroupShuffle(held[2u * axis + 1u], slot);
+        return uintBitsToFloat(is_upper ? upper : lower);
+    }
+}
+
 // Visits an inner node: leaves those of its children that the ray meets to the stack and returns the nearest.
 uint visit_packet(BvhNodeArray nodes, BoxRay ray, float t_max, uint level, uint current) {
     const uint loads = BVH_NODE_WORDS / LANES;
     uint held[8];
+    WordArray node = own_words(uvec2(nodes), current * BVH_NODE_WORDS);
     [[unroll]] for (uint i = 0u; i < loads; ++i) {
-        held[i] = words(uvec2(nodes)).at[current * BVH_NODE_WORDS + i * LANES + gl_SubgroupInvocationID];
+        held[i] = node.at[i * LANES];
     }
     uint hits = 0u;
     [[unroll]] for (uint slot = 0u; slot < 4u; ++slot) {
-        float bound[6];
-        [[unroll]] for (uint i = 0u; i < 6u; ++i) {
-            bound[i] = uintBitsToFloat(subgroupShuffle(held[(4u * i + slot) / LANES], (4u * i + slot) % LANES));
+        vec3 near, far;
+        [[unroll]] for (uint axis = 0u; axis < 3u; ++axis) {
+            near[axis] = plane_packet(held, axis, slot, ray.is_negative[axis]);
+            far[axis] = plane_packet(held, axis, slot, !ray.is_negative[axis]);
         }
-        bool is_hit = meets_box(ray, vec3(bound[0], bound[2], bound[4]), vec3(bound[1], bound[3], bound[5]), t_max);
+        near = (near - ray.near_origin) * ray.near_scale;
+        far = (far - ray.far_origin) * ray.far_scale;
+        bool is_hit = larger(larger(near.x, near.y), larger(near.z, 0.0)) <= smaller(smaller(far.x, far.y), smaller(far.z, t_max));
         hits |= is_hit ? 1u << slot : 0u;
     }
     hits = any_lane(hits);
     uint order = subgroupShuffle(held[28u / LANES], 28u % LANES + ray.octant / 4u) >> 8u * (ray.octant % 4u);
-    [[unroll]] for (int place = 3; place >= 0; --place) {
-        uint slot = order >> 2 * place & 3u;
-        uint child = subgroupShuffle(held[24u / LANES], 24u % LANES + slot);
-        push_packet(level, child, (hits >> slot & 1u) != 0u);
+    // The next node is known before the stack is in order again: its load need not wait for that.
+    uint child[4];
+    bool is_met[4];
+    [[unroll]] for (uint place = 0u; place < 4u; ++place) {
+        uint slot = order >> 2u * place & 3u;
+        child[place] = subgroupShuffle(held[24u / LANES], 24u % LANES + slot);
+        is_met[place] = (hits & 1u << slot) != 0u;
     }
-    return pop_packet(level);
+    uint next = peek_packet(level);
+    next = is_met[3] ? child[3] : next;
+    next = is_met[2] ? child[2] : next;
+    next = is_met[1] ? child[1] : next;
+    next = is_met[0] ? child[0] : next;
+    stacks[level].size -= hits == 0u ? min(stacks[level].size, 1u) : 0u;
+    push_packet(level, child[3], is_met[3] && (is_met[0] || is_met[1] || is_met[2]));
+    push_packet(level, child[2], is_met[2] && (is_met[0] || is_met[1]));
+    push_packet(level, child[1], is_met[1] && is_met[0]);
+    return next;
 }
 
-LeafTriangle leaf_triangle_packet(LeafTriangleArray triangles, uint place) {
-    // Whole words of all lanes: the last one reads beyond its triangle, and there is room behind the last of them.
-    const uint loads = (LEAF_TRIANGLE_WORDS + LANES - 1u) / LANES;
+// What triangle_shear does to a corner, where each lane takes its coordinates in an order of its own: of a shear's nine numbers three are
+// left, and 0 and 1 are what the others are. The results have the same bits.
+struct PacketTriangleRay {
+    uvec3 axis;     // the longest of the direction is the last one
+    vec3 origin;    // in that order
+    vec3 shear;
+};
+
+PacketTriangleRay packet_triangle_ray(TriangleRay ray) {
+    bool is_z = ray.z.z != 0.0;
+    bool is_y = ray.z.y != 0.0;
+    PacketTriangleRay turned;
+    turned.axis = is_z ? uvec3(0u, 1u, 2u) : is_y ? uvec3(0u, 2u, 1u) : uvec3(1u, 2u, 0u);
+    turned.origin = is_z ? ray.origin : is_y ? ray.origin.xzy : ray.origin.yzx;
+    turned.shear = is_z ? vec3(ray.x.z, ray.y.z, ray.z.z) : is_y ? vec3(ray.x.y, ray.y.y, ray.z.y) : vec3(ray.x.x, ray.y.x, ray.z.x);
+    return turned;
+}
+
+// The words of a triangle. Eight lanes hold its words 0 to 7 and 2 to 9, four lanes a corner each, the last with the triangle's index.
+struct PacketTriangle {
     uint held[3];
-    [[unroll]] for (uint i = 0u; i < loads; ++i) {
-        held[i] = words(uvec2(triangles)).at[place * LEAF_TRIANGLE_WORDS + i * LANES + gl_SubgroupInvocationID];
+};
+
+PacketTriangle triangle_packet(LeafTriangleArray triangles, uint place) {
+    WordArray words = own_words(uvec2(triangles), place * LEAF_TRIANGLE_WORDS);
+    PacketTriangle triangle;
+    if (LANES == 8u) {
+        triangle.held[0] = words.at[0];
+        triangle.held[1] = words.at[2];
+    } else {
+        triangle.held[0] = words.at[0];
+        triangle.held[1] = words.at[3];
+        triangle.held[2] = words.at[6];
     }
-    uint word[LEAF_TRIANGLE_WORDS];
-    [[unroll]] for (uint i = 0u; i < LEAF_TRIANGLE_WORDS; ++i) {
-        word[i] = subgroupShuffle(held[i / LANES], i % LANES);
+    return triangle;
+}
+
+vec3 sheared_corner(PacketTriangle triangle, uint corner, PacketTriangleRay ray) {
+    precise vec3 v;
+    [[unroll]] for (uint i = 0u; i < 3u; ++i) {
+        if (LANES == 8u) {
+            v[i] = uintBitsToFloat(subgroupShuffle(triangle.held[corner / 2u], ray.axis[i] + (corner == 2u ? 4u : 3u * corner)));
+        } else {
+            v[i] = uintBitsToFloat(subgroupShuffle(triangle.held[corner], ray.axis[i]));
+        }
     }
-    return LeafTriangle(uintBitsToFloat(uvec3(word[0], word[1], word[2])),
-                        uintBitsToFloat(uvec3(word[3], word[4], word[5])),
-                        uintBitsToFloat(uvec3(word[6], word[7], word[8])), word[9]);
+    v = v - ray.origin;
+    precise vec3 sheared = vec3(v.x + ray.shear.x * v.z, v.y + ray.shear.y * v.z, ray.shear.z * v.z);
+    return sheared;
+}
+
+uint triangle_index(PacketTriangle triangle) {
+    if (LANES == 8u) {
+        return subgroupShuffle(triangle.held[1], 7u);
+    } else {
+        return subgroupShuffle(triangle.held[2], 3u);
+    }
 }
 
 // From leaf to leaf: nodes while it takes nodes, then triangles while it takes triangles.
 uint walk_packet(BvhNodeArray nodes, LeafTriangleArray triangles, BoxRay box, TriangleRay ray, bool any, inout float t_max) {
+    PacketTriangleRay turned = packet_triangle_ray(ray);
     uint nearest = NO_HIT;
     uint current = 0u;
     do {
@@ -111,11 +181,14 @@ uint walk_packet(BvhNodeArray nodes, LeafTriangleArray triangles, BoxRay box, Tr
         uint left = leaf_count(current);
         // Once too often at the end: a test there would cost more.
         do {
-            LeafTriangle candidate = leaf_triangle_packet(triangles, place);
+            PacketTriangle candidate = triangle_packet(triangles, place);
+            uint triangle = triangle_index(candidate);
+            vec3 a = sheared_corner(candidate, 0u, turned);
+            vec3 b = sheared_corner(candidate, 1u, turned);
+            vec3 c = sheared_corner(candidate, 2u, turned);
             float t, u, v;
-            if (intersect_triangle(ray, 0.0, t_max, candidate.corner_0, candidate.corner_1, candidate.corner_2, t, u, v)
-                && !goes_through(candidate.triangle)) {
-                nearest = candidate.triangle;
+            if (intersect_sheared(a, b, c, 0.0, t_max, t, u, v) && !goes_through(triangle)) {
+                nearest = triangle;
                 t_max = any ? -1.0 : t;
             }
             place += 1u;

@@ -2,9 +2,9 @@
 
 use std::sync::Arc;
 
-use bytemuck::{Pod, Zeroable};
+use bytemuck::Pod;
 
-use super::bvh::{Bvh, LeafTriangle, MAX_PRIMITIVES};
+use super::bvh::{Bvh, MAX_PRIMITIVES};
 use super::error::Error;
 use super::gather::Gatherer;
 use super::geometry::overwrite;
@@ -217,7 +217,7 @@ impl DeviceMesh {
             }
             Some(tree) => Finder::Tree {
                 nodes: uploaded(upload, &mesh.name, &tree.nodes)?,
-                leaf_triangles: upload.buffer(&mesh.name, &leaf_triangles(&tree, mesh))?,
+                leaf_triangles: upload.buffer(&mesh.name, &tree.leaf_triangles(mesh))?,
                 bounds: tree.bounds,
                 tree: None,
             },
@@ -256,7 +256,7 @@ impl DeviceMesh {
                 }
                 Finder::Tree {
                     nodes: Some(overwrite(upload, nodes.as_ref(), &mesh.name, &tree.nodes)?),
-                    leaf_triangles: overwrite(upload, Some(corners), &mesh.name, &leaf_triangles(&tree, mesh))?,
+                    leaf_triangles: overwrite(upload, Some(corners), &mesh.name, &tree.leaf_triangles(mesh))?,
                     bounds: tree.bounds,
                     tree: (change.by == Update::Refit).then_some(tree),
                 }
@@ -325,12 +325,4 @@ fn distinct(materials: &[u32]) -> Arc<[u32]> {
     distinct.sort_unstable();
     distinct.dedup();
     distinct.into()
-}
-
-/// What the leaves hold.
-fn leaf_triangles(tree: &Bvh, mesh: &Mesh) -> Vec<LeafTriangle> {
-    let mut triangles = tree.leaf_triangles(mesh);
-    // A packet's lanes read whole words of the last triangle, and beyond it.
-    triangles.extend([LeafTriangle::zeroed(); 4]);
-    triangles
 }
