@@ -49,7 +49,8 @@ bool nobody(bool wants) {
     return any_lane(uint(wants)) == 0u;
 }
 
-// Where this lane's words begin: what follows is at a distance from there that is known when the kernel is built.
+// Where this lane's words begin: what follows is at a distance from there that is known when the kernel is built. Distances in bytes fit into 32
+// bits: buffers are at most 2 GiB on lavapipe and 1 GiB on SwiftShader (maxMemoryAllocationSize, which gpu::Buffer holds to).
 WordArray own_words(uvec2 reference, uint first) {
     uint carry;
     uint low = uaddCarry(reference.x, 4u * (first + gl_SubgroupInvocationID), carry);
@@ -135,37 +136,34 @@ struct PacketTriangle {
 PacketTriangle triangle_packet(LeafTriangleArray triangles, uint place) {
     WordArray words = own_words(uvec2(triangles), place * LEAF_TRIANGLE_WORDS);
     PacketTriangle triangle;
+    triangle.held[0] = words.at[0];
     if (LANES == 8u) {
-        triangle.held[0] = words.at[0];
         triangle.held[1] = words.at[2];
     } else {
-        triangle.held[0] = words.at[0];
         triangle.held[1] = words.at[3];
         triangle.held[2] = words.at[6];
     }
     return triangle;
 }
 
-vec3 sheared_corner(PacketTriangle triangle, uint corner, PacketTriangleRay ray) {
-    precise vec3 v;
-    [[unroll]] for (uint i = 0u; i < 3u; ++i) {
-        if (LANES == 8u) {
-            v[i] = uintBitsToFloat(subgroupShuffle(triangle.held[corner / 2u], ray.axis[i] + (corner == 2u ? 4u : 3u * corner)));
-        } else {
-            v[i] = uintBitsToFloat(subgroupShuffle(triangle.held[corner], ray.axis[i]));
-        }
+// A corner's coordinate; behind the last corner's three, the triangle's index.
+uint word_packet(PacketTriangle triangle, uint corner, uint axis) {
+    if (LANES == 8u) {
+        return subgroupShuffle(triangle.held[corner / 2u], (corner == 2u ? 4u : 3u * corner) + axis);
+    } else {
+        return subgroupShuffle(triangle.held[corner], axis);
     }
-    v = v - ray.origin;
-    precise vec3 sheared = vec3(v.x + ray.shear.x * v.z, v.y + ray.shear.y * v.z, ray.shear.z * v.z);
-    return sheared;
 }
 
-uint triangle_index(PacketTriangle triangle) {
-    if (LANES == 8u) {
-        return subgroupShuffle(triangle.held[1], 7u);
-    } else {
-        return subgroupShuffle(triangle.held[2], 3u);
+vec3 sheared_corner(PacketTriangle triangle, uint corner, PacketTriangleRay ray) {
+    vec3 v;
+    [[unroll]] for (uint i = 0u; i < 3u; ++i) {
+        v[i] = uintBitsToFloat(word_packet(triangle, corner, ray.axis[i]));
     }
+    precise vec3 from_origin = v - ray.origin;
+    precise vec3 sheared = vec3(from_origin.x + ray.shear.x * from_origin.z, from_origin.y + ray.shear.y * from_origin.z,
+                                ray.shear.z * from_origin.z);
+    return sheared;
 }
 
 // From leaf to leaf: nodes while it takes nodes, then triangles while it takes triangles.
@@ -182,7 +180,7 @@ uint walk_packet(BvhNodeArray nodes, LeafTriangleArray triangles, BoxRay box, Tr
         // Once too often at the end: a test there would cost more.
         do {
             PacketTriangle candidate = triangle_packet(triangles, place);
-            uint triangle = triangle_index(candidate);
+            uint triangle = word_packet(candidate, 2u, 3u);
             vec3 a = sheared_corner(candidate, 0u, turned);
             vec3 b = sheared_corner(candidate, 1u, turned);
             vec3 c = sheared_corner(candidate, 2u, turned);
