@@ -8,7 +8,6 @@
 mod evaluations;
 mod study;
 
-use std::io::Write;
 use std::path::PathBuf;
 use std::sync::Arc;
 
@@ -17,7 +16,7 @@ use clap::Parser;
 use evaluations::Evaluations;
 use neubrdf::converge::study::plot::{Plot, Point, Series};
 use neubrdf::gpu::{Device, DeviceChoice, Instance, Validation};
-use neubrdf::image::atomic_write;
+use neubrdf::image::write_file;
 use neubrdf::scene::brdf::{CornerWeights, NeuBrdf, Precision};
 use neubrdf::train::{Evaluator, Model, Plan, Quality, Recipe};
 use serde::{Deserialize, Serialize};
@@ -195,10 +194,8 @@ fn main() -> Result<()> {
     let [half, full] = [0, 1].map(|precision| points(&fitted, precision));
     print_table(&truths, &fitted, &half, &full);
     let plot = arguments.folder.join("study.svg");
-    let io_error = |source| neubrdf::image::Error::Io { path: plot.clone(), source };
     println!("\nOn {}, {}.", device.name(), device.driver());
-    let svg = plot_of(&half).document();
-    atomic_write(&plot, |file| file.write_all(svg.as_bytes()).map_err(io_error))?;
+    write_file(&plot, plot_of(&half).document())?;
     eprintln!("{}", plot.display());
     Ok(())
 }
@@ -286,9 +283,7 @@ fn outcome(arguments: &Arguments, truth: &Truth, sizes: Sizes) -> Result<Option<
             files.push(brdf.encode(precision)?);
         }
         let [half, full] = [&files[0], &files[1]];
-        let fit = path.with_extension("neubrdf");
-        let io_error = |source| neubrdf::image::Error::Io { path: fit.clone(), source };
-        atomic_write(&fit, |file| file.write_all(full).map_err(io_error))?;
+        write_file(path.with_extension("neubrdf"), full)?;
         // What is measured is what the file says, rounded numbers and all.
         let of_file =
             |file: &[u8]| -> Result<Errors> { Ok(errors(truth, &Evaluator::neubrdf(&NeuBrdf::decode(file)?))) };

@@ -12,6 +12,7 @@ use std::path::PathBuf;
 use anyhow::{Result, bail};
 use clap::Parser;
 use neubrdf::converge::Stopwatch;
+use neubrdf::image::write_file;
 use neubrdf::scene::brdf::{NeuBrdfPack, Precision};
 use neubrdf::train::{Evaluator, GroundTruth, Group, Model, Plan, Quality, Recipe, Session, cluster};
 use serde::{Deserialize, Serialize};
@@ -102,7 +103,7 @@ fn main() -> Result<()> {
     }
     bar.finish_and_clear();
     print_table(&rows);
-    std::fs::write(arguments.folder.join("sharing.svg"), plot(&rows))?;
+    write_file(arguments.folder.join("sharing.svg"), plot(&rows))?;
     Ok(())
 }
 

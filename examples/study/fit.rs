@@ -1,13 +1,12 @@
 //! A fit of a ground truth: what it cost and how good it is.
 
-use std::io::Write;
 use std::path::Path;
 
 use anyhow::{Context, Result};
 use glam::DVec3;
 use indicatif::{ProgressBar, ProgressStyle};
 use neubrdf::converge::{Stopwatch, Timing};
-use neubrdf::image::atomic_write;
+use neubrdf::image::write_file;
 use neubrdf::scene::brdf::NeuBrdf;
 use neubrdf::train::measure::{Eval, FitErrors, compare};
 use neubrdf::train::{Evaluator, GroundTruth, Plan, Session};
@@ -94,9 +93,7 @@ pub fn kept<T: Serialize + DeserializeOwned>(path: &Path, make: impl FnOnce() ->
         return serde_json::from_str(&text).with_context(|| format!("{}: delete it to do it again", path.display()));
     }
     let value = make()?;
-    let text = serde_json::to_string_pretty(&value)?;
-    let io_error = |source| neubrdf::image::Error::Io { path: path.to_owned(), source };
-    atomic_write(path, |file| file.write_all(text.as_bytes()).map_err(io_error))?;
+    write_file(path, serde_json::to_string_pretty(&value)?)?;
     Ok(value)
 }
 

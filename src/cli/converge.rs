@@ -11,7 +11,7 @@ use neubrdf::converge::study::{
     summary_text, verdict_lines, write_report,
 };
 use neubrdf::gpu::{DeviceChoice, Instance, Validation};
-use neubrdf::image::atomic_write;
+use neubrdf::image::write_file;
 use neubrdf::scene::Film;
 
 use super::job::film_size;
@@ -305,11 +305,7 @@ fn stability(arguments: &Arguments) -> Result<ExitCode> {
     tell!("{}", table.trim_end())?;
     if let Some(directory) = &arguments.output {
         std::fs::create_dir_all(directory).with_context(|| directory.display().to_string())?;
-        atomic_write(directory.join("stability.md"), |file| {
-            use std::io::Write;
-            file.write_all(table.as_bytes())
-                .map_err(|source| neubrdf::image::Error::Io { path: directory.join("stability.md"), source })
-        })?;
+        write_file(directory.join("stability.md"), table)?;
     }
     if broken > 0 {
         note!("{broken} of {} cases do not hold", cases.len());

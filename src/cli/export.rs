@@ -2,14 +2,13 @@
 
 use std::ffi::OsStr;
 use std::fs::create_dir_all;
-use std::io::Write;
 use std::path::{Path, PathBuf, is_separator};
 use std::process::ExitCode;
 
 use anyhow::{Context, Result, bail};
 use neubrdf::converge::export_mitsuba;
 use neubrdf::export::{Exported, Language, Place, export};
-use neubrdf::image::{Error, atomic_write};
+use neubrdf::image::write_file;
 use neubrdf::render::Settings;
 use neubrdf::scene::Scene;
 use neubrdf::scene::brdf::{NeuBrdf, NeuBrdfPack};
@@ -94,9 +93,7 @@ fn write_shader(arguments: &Arguments, language: Language, output: &Path) -> Res
         (&description, description_text.into_bytes()),
         (&module, exported.shader.into_bytes()),
     ] {
-        atomic_write(path, |file| {
-            file.write_all(&bytes).map_err(|source| Error::Io { path: path.to_owned(), source })
-        })?;
+        write_file(path, bytes)?;
         tell!("{}", path.display())?;
     }
     Ok(())

@@ -1,12 +1,11 @@
 //! `neubrdf material`.
 
-use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use anyhow::Result;
 use glam::DVec3;
-use neubrdf::image::atomic_write;
+use neubrdf::image::write_file;
 use neubrdf::scene::brdf::{Brdf, Footprint, NeuBrdf, NeuBrdfPack, SurfaceFrame};
 use neubrdf::train::check::{Check, check};
 use neubrdf::train::measure::{self, Query};
@@ -98,9 +97,7 @@ pub fn run(arguments: Arguments) -> Result<ExitCode> {
     facts["check"] = serde_json::json!(checked);
     print(&arguments, &facts)?;
     if let Some(path) = &arguments.plot {
-        let io_error = |source| neubrdf::image::Error::Io { path: path.to_owned(), source };
-        let svg = plot::polar(PLOT_GAIN, &[&|pairs| eval(Footprint::WHOLE, pairs)]);
-        atomic_write(path, |file| file.write_all(svg.as_bytes()).map_err(io_error))?;
+        write_file(path, plot::polar(PLOT_GAIN, &[&|pairs| eval(Footprint::WHOLE, pairs)]))?;
     }
     let is_right = checked.is_none_or(|check| passes(&check, arguments.max_albedo));
     Ok(if is_right { ExitCode::SUCCESS } else { ExitCode::from(WRONG) })

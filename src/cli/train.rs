@@ -1,6 +1,5 @@
 //! `neubrdf train`.
 
-use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::sync::atomic::Ordering;
@@ -8,7 +7,7 @@ use std::sync::atomic::Ordering;
 use anyhow::{Context, Result, bail};
 use clap::ValueEnum;
 use glam::DVec3;
-use neubrdf::image::atomic_write;
+use neubrdf::image::write_file;
 use neubrdf::scene::brdf::{CornerWeights, NeuBrdf, Precision};
 use neubrdf::train::measure::{Comparison, FitErrors, Query, compare_at};
 use neubrdf::train::{
@@ -183,7 +182,7 @@ pub fn run(arguments: Arguments) -> Result<ExitCode> {
             (network.to_safetensors(name.unwrap_or("material")), evaluator, comparison)
         }
     };
-    write(&arguments.output, &bytes)?;
+    write_file(&arguments.output, &bytes)?;
     let mut recipes = Vec::new();
     if arguments.compare_recipes {
         let errors = comparison.errors.clone();
@@ -372,9 +371,4 @@ pub(super) fn provenance(input: &BrdfInput, session: &Session, errors: &FitError
         training: training.map(|(name, value)| (name.to_owned(), value)).into(),
         errors: errors.map(|(name, value)| (name.to_owned(), value)).into(),
     }
-}
-
-pub(super) fn write(path: &Path, bytes: &[u8]) -> Result<()> {
-    let io_error = |source| neubrdf::image::Error::Io { path: path.to_owned(), source };
-    Ok(atomic_write(path, |file| file.write_all(bytes).map_err(io_error))?)
 }

@@ -7,13 +7,14 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use anyhow::{Context, Result, bail};
 use glam::DVec3;
+use neubrdf::image::write_file;
 use neubrdf::scene::brdf::{Brdf, NeuBrdf, NeuBrdfPack, Precision};
 use neubrdf::train::measure::{Comparison, compare};
 use neubrdf::train::{Evaluator, Group, GroupReport, Model, Plan, Recipe, Report, Session, cluster};
 
 use super::brdf_input::BrdfInput;
 use super::progress;
-use super::train::{Arguments, BALL, check_outputs, drawing, plan, provenance, texel_options, truth, write};
+use super::train::{Arguments, BALL, check_outputs, drawing, plan, provenance, texel_options, truth};
 use super::train_loop::train;
 
 /// A material to learn, and its name in the pack.
@@ -176,7 +177,7 @@ fn train_group(
         brdf.provenance.training.insert("materials that share a codebook".into(), members.len().to_string());
     }
     let bytes = pack.encode(precision)?;
-    write(output, &bytes)?;
+    write_file(output, &bytes)?;
     let report = |(session, (member, comparison)): (&Session, (&&Member, &Comparison))| Report {
         source: member.input.name.clone(),
         plan: session.plan.clone(),

@@ -136,10 +136,8 @@ pub fn write_evidence(
     reference: &Picture,
     comparison: &Comparison,
 ) -> Result<PathBuf, Error> {
-    use std::io::Write;
     let directory = Path::new("target/evidence").join(name);
-    let io_error = |source| image::Error::Io { path: directory.clone(), source };
-    std::fs::create_dir_all(&directory).map_err(io_error)?;
+    std::fs::create_dir_all(&directory).map_err(|source| image::Error::Io { path: directory.clone(), source })?;
     let metadata = Metadata::default();
     image::write_exr(directory.join("image.exr"), image, &metadata)?;
     image::write_exr(directory.join("reference.exr"), reference, &metadata)?;
@@ -148,7 +146,7 @@ pub fn write_evidence(
     if let Some(test) = &comparison.z_test {
         image::write_exr(directory.join("p-values.exr"), &test.p_values(image.width, image.height), &metadata)?;
     }
-    image::atomic_write(directory.join("report.txt"), |file| writeln!(file, "{comparison}").map_err(io_error))?;
+    image::write_file(directory.join("report.txt"), format!("{comparison}\n"))?;
     Ok(directory)
 }
 

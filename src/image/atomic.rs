@@ -33,6 +33,17 @@ pub fn atomic_write<E: From<Error>>(
     result
 }
 
+/// The same of bytes that are there already.
+///
+/// # Errors
+/// The operating system says no, or `path` is there and no regular file.
+pub fn write_file(path: impl AsRef<Path>, bytes: impl AsRef<[u8]>) -> Result<(), Error> {
+    let path = path.as_ref();
+    atomic_write(path, |file| {
+        file.write_all(bytes.as_ref()).map_err(|source| Error::Io { path: path.to_owned(), source })
+    })
+}
+
 /// Whether [`atomic_write`] could begin: a file is made beside `path` and taken away again.
 ///
 /// # Errors

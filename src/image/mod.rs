@@ -8,15 +8,17 @@ mod exr_file;
 mod metadata;
 mod page;
 mod picture;
+mod sealed;
 pub mod tone_map;
 
 use std::path::{Path, PathBuf};
 
-pub use atomic::{atomic_write, check_writable};
+pub use atomic::{atomic_write, check_writable, write_file};
 pub use exr_file::{read_exr, write_exr};
 pub use metadata::Metadata;
 pub use page::{escaped, png_address};
 pub use picture::{Crop, Picture, Samples, plane};
+pub use sealed::{open_sealed, write_sealed};
 
 /// What can go wrong with a picture file.
 #[derive(Debug, thiserror::Error)]

@@ -65,6 +65,12 @@ pub enum Error {
         /// Its name.
         channel: &'static str,
     },
+    /// An exposure that is no number of stops.
+    #[error("exposure {found}: expected a finite number of stops")]
+    Exposure {
+        /// What was given.
+        found: f32,
+    },
     /// A channel that no 8-bit picture shows.
     #[error("channel {channel} in an 8-bit format: ask for a floating-point format")]
     Format {

@@ -401,7 +401,10 @@ impl Renderer {
     }
 
     fn check_target(&self, target: &Target) -> Result<(), Error> {
-        let Target { channel, format, .. } = *target;
+        let Target { channel, format, exposure, .. } = *target;
+        if !exposure.is_finite() {
+            return Err(Error::Exposure { found: exposure });
+        }
         if channel != Channel::Beauty {
             if !self.tracer.settings().features {
                 return Err(Error::NoFeatures { channel: channel.name() });

@@ -1,9 +1,7 @@
 //! A render's state on disk: what was rendered, how far it is, and the film's sums, bit for bit.
 //!
-//! Layout, little-endian: 8 bytes magic, u32 length of a JSON header, the header, the film's pixels, its feature pixels (if
-//! any), and a BLAKE3 hash of all that.
+//! A file of [`write_sealed`]: what was rendered is the header, the film's pixels and then its feature pixels, if any, are the content.
 
-use std::io::Write;
 use std::path::Path;
 
 use bytemuck::{Pod, cast_slice};
@@ -12,10 +10,9 @@ use serde::{Deserialize, Serialize};
 use super::error::Error;
 use super::layout::{FeaturePixel, FilmPixel};
 use super::settings::Settings;
-use crate::image::atomic_write;
+use crate::image::{open_sealed, write_sealed};
 
 const MAGIC: &[u8; 8] = b"NBRDFCK1";
-const HASH_BYTES: usize = 32;
 
 /// Everything that changes the bits of the film.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -82,23 +79,13 @@ pub struct Checkpoint {
 impl Checkpoint {
     /// Writes the file whole or not at all.
     pub fn write(&self, path: &Path) -> Result<(), Error> {
-        let io_error = |source| Error::CheckpointFile { path: path.to_owned(), source };
         let header = Header {
             identity: self.identity.clone(),
             samples: self.samples,
             seconds: self.seconds,
             rejected: self.rejected,
         };
-        let header = serde_json::to_vec(&header).map_err(|error| io_error(error.into()))?;
-        atomic_write(path, |file| {
-            let length = (header.len() as u32).to_le_bytes();
-            let mut hasher = blake3::Hasher::new();
-            for part in [MAGIC, &length[..], &header, cast_slice(&self.pixels), cast_slice(&self.features)] {
-                hasher.update(part);
-                file.write_all(part).map_err(io_error)?;
-            }
-            file.write_all(hasher.finalize().as_bytes()).map_err(io_error)
-        })
+        Ok(write_sealed(path, MAGIC, &header, &[cast_slice(&self.pixels), cast_slice(&self.features)])?)
     }
 
     /// Reads a file that [`Checkpoint::write`] wrote; anything else is an error.
@@ -109,16 +96,7 @@ impl Checkpoint {
     }
 
     fn parse(bytes: &[u8]) -> Result<Checkpoint, &'static str> {
-        let (content, hash) = bytes.split_at_checked(bytes.len().wrapping_sub(HASH_BYTES)).ok_or("it is too short")?;
-        let rest = content.strip_prefix(MAGIC).ok_or("it does not begin like one")?;
-        if blake3::hash(content).as_bytes() != hash {
-            return Err("its checksum does not match: it was cut short or changed");
-        }
-        let (length, rest) = rest.split_first_chunk::<4>().ok_or("it is too short")?;
-        let (header, film) =
-            rest.split_at_checked(u32::from_le_bytes(*length) as usize).ok_or("its header is cut short")?;
-        let Header { identity, samples, seconds, rejected } =
-            serde_json::from_slice(header).map_err(|_| "its header is of another version")?;
+        let (Header { identity, samples, seconds, rejected }, film) = open_sealed(bytes, MAGIC)?;
         let [_, _, width, height] = identity.crop;
         let count = (width as usize).checked_mul(height as usize).ok_or("its film is too large")?;
         let (pixels, film) = take::<FilmPixel>(film, count)?;

@@ -1,10 +1,8 @@
 //! A training's state on disk, bit for bit.
 //!
-//! Layout, little-endian: 8 bytes magic, u32 length of a JSON header, the header, the numbers of [`super::trainer::Trainer`] in its
-//! order, of one member of a group after the other, and a BLAKE3 hash of all that. The pairs are not stored: they are drawn again, and
-//! have to be the same.
+//! A file of [`write_sealed`], whose content is the numbers of [`super::trainer::Trainer`] in its order, of one member of a group after the other. The
+//! pairs are not stored: they are drawn again, and have to be the same.
 
-use std::io::Write;
 use std::path::Path;
 
 use bytemuck::{Pod, cast_slice, cast_slice_mut};
@@ -12,10 +10,9 @@ use serde::{Deserialize, Serialize};
 
 use super::plan::Plan;
 use super::{Error, Group, Session};
-use crate::image::atomic_write;
+use crate::image::{open_sealed, write_sealed};
 
 const MAGIC: &[u8; 8] = b"NBRDFTR2";
-const HASH_BYTES: usize = 32;
 
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -44,7 +41,8 @@ struct SessionHeader {
 /// Steps done by the training whose state a file holds.
 pub fn saved_steps(path: &Path) -> Result<u32, Error> {
     let bytes = read(path)?;
-    let (header, _) = parse(&bytes).map_err(|reason| Error::CheckpointFormat { path: path.to_owned(), reason })?;
+    let (header, _) = open_sealed::<Header>(&bytes, MAGIC)
+        .map_err(|reason| Error::CheckpointFormat { path: path.to_owned(), reason })?;
     Ok(header.sessions.iter().map(|session| session.step).max().unwrap_or(0))
 }
 
@@ -102,31 +100,21 @@ impl Group {
 }
 
 fn save(path: &Path, sessions: &mut [Session], shares_network: Option<bool>) -> Result<(), Error> {
-    let io_error = |source| Error::CheckpointFile { path: path.to_owned(), source };
     let headers = sessions.iter().map(Session::header).collect();
     let header = Header { version: env!("CARGO_PKG_VERSION").to_owned(), shares_network, sessions: headers };
-    let header = serde_json::to_vec(&header).map_err(|error| io_error(error.into()))?;
     let mut parts: Vec<&[u8]> = Vec::new();
     for session in sessions {
         let (floats, indices) = session.trainer.state();
         parts.extend(floats.into_iter().map(|part| cast_slice::<_, u8>(part)));
         parts.extend(indices.into_iter().map(|part| cast_slice::<_, u8>(part)));
     }
-    atomic_write(path, |file| {
-        let length = (header.len() as u32).to_le_bytes();
-        let mut hasher = blake3::Hasher::new();
-        for part in [MAGIC, &length[..], &header].into_iter().chain(parts) {
-            hasher.update(part);
-            file.write_all(part).map_err(io_error)?;
-        }
-        file.write_all(hasher.finalize().as_bytes()).map_err(io_error)
-    })
+    Ok(write_sealed(path, MAGIC, &header, &parts)?)
 }
 
 fn restore(path: &Path, sessions: &mut [Session], shares_network: Option<bool>) -> Result<(), Error> {
     let bytes = read(path)?;
     let format = |reason| Error::CheckpointFormat { path: path.to_owned(), reason };
-    let (header, mut rest) = parse(&bytes).map_err(format)?;
+    let (header, mut rest) = open_sealed::<Header>(&bytes, MAGIC).map_err(format)?;
     let all = |is_equal: fn(&SessionHeader, &Session) -> bool| {
         header.sessions.len() == sessions.len() && header.sessions.iter().zip(&*sessions).all(|(a, b)| is_equal(a, b))
     };
@@ -148,18 +136,6 @@ fn restore(path: &Path, sessions: &mut [Session], shares_network: Option<bool>) 
 
 fn read(path: &Path) -> Result<Vec<u8>, Error> {
     std::fs::read(path).map_err(|source| Error::CheckpointFile { path: path.to_owned(), source })
-}
-
-fn parse(bytes: &[u8]) -> Result<(Header, &[u8]), &'static str> {
-    let (content, hash) = bytes.split_at_checked(bytes.len().wrapping_sub(HASH_BYTES)).ok_or("it is too short")?;
-    let rest = content.strip_prefix(MAGIC).ok_or("it does not begin like one")?;
-    if blake3::hash(content).as_bytes() != hash {
-        return Err("its checksum does not match: it was cut short or changed");
-    }
-    let (length, rest) = rest.split_first_chunk::<4>().ok_or("it is too short")?;
-    let (header, rest) =
-        rest.split_at_checked(u32::from_le_bytes(*length) as usize).ok_or("its header is cut short")?;
-    Ok((serde_json::from_slice(header).map_err(|_| "its header is of another version")?, rest))
 }
 
 fn take<'a, T: Pod>(bytes: &'a [u8], to: &mut [T]) -> Option<&'a [u8]> {

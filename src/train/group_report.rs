@@ -7,9 +7,10 @@ use serde::Serialize;
 use serde_json::json;
 
 use super::measure::FitErrors;
-use super::report::{STYLE, write_text};
+use super::report::STYLE;
 use super::{Error, Report};
 use crate::image::escaped;
+use crate::image::write_file;
 
 /// What training materials with common codebooks came to.
 #[derive(Clone, Debug, Serialize)]
@@ -35,7 +36,7 @@ impl GroupReport {
     /// # Errors
     /// The file cannot be written.
     pub fn write_json(&self, path: &Path) -> Result<(), Error> {
-        write_text(path, &format!("{:#}\n", json!(self)))
+        Ok(write_file(path, format!("{:#}\n", json!(self)))?)
     }
 
     /// Writes a page of a table and each member's section ([`Report::section`]).
@@ -43,7 +44,7 @@ impl GroupReport {
     /// # Errors
     /// The file cannot be written.
     pub fn write_html(&self, path: &Path, sections: &[String]) -> Result<(), Error> {
-        write_text(path, &self.html(sections))
+        Ok(write_file(path, self.html(sections))?)
     }
 
     fn html(&self, sections: &[String]) -> String {

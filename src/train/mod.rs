@@ -73,6 +73,14 @@ pub enum Error {
         /// sr⁻¹, RGB.
         value: Vec3,
     },
+    /// A direction of a measurement that is none, or is below the surface.
+    #[error("the BRDF to learn: found ωo {wo} and ωi {wi}, expected unit vectors with z ≥ 0")]
+    Direction {
+        /// Towards the viewer.
+        wo: Vec3,
+        /// Towards the light.
+        wi: Vec3,
+    },
     /// The system refused a checkpoint.
     #[error("{}: {source}", path.display())]
     CheckpointFile {

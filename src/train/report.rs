@@ -1,7 +1,6 @@
 //! What a training came to, as JSON and as one page that needs nothing beside it.
 
 use std::fmt::Write;
-use std::io::Write as _;
 use std::path::Path;
 
 use serde::Serialize;
@@ -10,7 +9,7 @@ use serde_json::json;
 use super::measure::{Comparison, Eval, FitErrors};
 use super::plot;
 use super::{Error, Model, Plan, Recipe};
-use crate::image::{atomic_write, escaped, png_address};
+use crate::image::{escaped, png_address, write_file};
 
 /// What a training came to.
 #[derive(Clone, Debug, Serialize)]
@@ -49,7 +48,7 @@ pub struct RecipeResult {
 impl Report {
     /// Writes the JSON.
     pub fn write_json(&self, path: &Path) -> Result<(), Error> {
-        write_text(path, &format!("{:#}\n", json!(self)))
+        Ok(write_file(path, format!("{:#}\n", json!(self)))?)
     }
 
     /// Writes the page. `fit` and `truth` are drawn as lobes.
@@ -62,7 +61,7 @@ impl Report {
         truth: Eval,
     ) -> Result<(), Error> {
         let section = self.section(comparison, gain, fit, truth)?;
-        write_text(path, &format!("{STYLE}<title>{0}</title><h1>{0}</h1>\n{section}", escaped(&self.source)))
+        Ok(write_file(path, format!("{STYLE}<title>{0}</title><h1>{0}</h1>\n{section}", escaped(&self.source)))?)
     }
 
     /// What the page says below its heading.
@@ -137,8 +136,9 @@ fn sizes(plan: &Plan) -> String {
     }
     let [n_wi, n_wo] = plan.n_side;
     let grids = if plan.resolutions == 1 { "one grid".to_owned() } else { format!("{} grids", plan.resolutions) };
+    let half_vector = if plan.sees_half_vector { ", sees the half vector" } else { "" };
     format!(
-        "NeuBRDF, recipe {}: N_side {n_wi} (ωi) and {n_wo} (ωo), {grids} of F {} a hemisphere, {} weights, hidden {}",
+        "NeuBRDF, recipe {}: N_side {n_wi} (ωi) and {n_wo} (ωo), {grids} of F {} a hemisphere, {} weights, hidden {}{half_vector}",
         word(&plan.recipe),
         plan.features,
         word(&plan.corner_weights),
@@ -179,11 +179,6 @@ pub(super) const STYLE: &str = "<!doctype html><meta charset=utf-8>
 table{border-collapse:collapse}th,td{text-align:left;padding:.2em 1em .2em 0;border-bottom:1px solid #ddd}
 .row{display:flex;flex-wrap:wrap;gap:1em}figure{margin:0}svg{max-width:40em;display:block}</style>
 ";
-
-pub(super) fn write_text(path: &Path, text: &str) -> Result<(), Error> {
-    let io_error = |source| crate::image::Error::Io { path: path.to_owned(), source };
-    Ok(atomic_write(path, |file| file.write_all(text.as_bytes()).map_err(io_error))?)
-}
 
 #[cfg(test)]
 mod tests {

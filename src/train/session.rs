@@ -2,7 +2,7 @@
 
 use std::f32::consts::PI;
 
-use glam::DVec3;
+use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
 use super::albedo::Views;
@@ -83,7 +83,7 @@ impl Session {
         let (grids, texels) = (plan.grids()?, plan.surface_grid()?);
         let frames = texels.map_or_else(SurfaceFrames::default, |grid| truth.frames(grid));
         let pairs = truth.pairs(plan.pairs, plan.seed, texels);
-        check_values(&pairs)?;
+        check_pairs(&pairs)?;
         let pairs = about_frames(pairs, &texels.unwrap_or_default(), &frames);
         let is_isotropic = truth.is_isotropic();
         let pairs_hash = pairs_hash(&pairs, is_isotropic);
@@ -451,13 +451,18 @@ fn add_probes(inputs: &mut Inputs, probes: &[Pair], plan: &Plan, is_isotropic: b
     }
 }
 
-/// Errors if a value is not finite or negative.
-fn check_values(pairs: &[Pair]) -> Result<(), Error> {
-    let is_wrong = |pair: &&Pair| !(pair.value.is_finite() && pair.value.min_element() >= 0.0);
-    match pairs.iter().find(is_wrong) {
-        None => Ok(()),
-        Some(Pair { wo, wi, value, .. }) => Err(Error::Value { wo: *wo, wi: *wi, value: *value }),
+/// Errors if a direction is none of the hemisphere, or a value is not finite or negative.
+fn check_pairs(pairs: &[Pair]) -> Result<(), Error> {
+    let is_above = |w: Vec3| w.is_normalized() && w.z >= 0.0;
+    for Pair { wo, wi, value, .. } in pairs.iter().copied() {
+        if !(is_above(wo) && is_above(wi)) {
+            return Err(Error::Direction { wo, wi });
+        }
+        if !(value.is_finite() && value.min_element() >= 0.0) {
+            return Err(Error::Value { wo, wi, value });
+        }
     }
+    Ok(())
 }
 
 /// Of all that a training sees of its pairs.

@@ -86,12 +86,15 @@ fn mistakes_are_errors_and_change_nothing() {
             wait(host, &mut renderer, frame);
         }
 
-        // Targets that are too small, or of what is not gathered.
+        // Targets that are too small, of what is not gathered, or in no light that there is.
         let small = host.buffer(16);
         let target = Target::buffer(small.target(), PixelFormat::Rgba32Float);
         let albedo = Target { channel: Channel::Albedo, ..target };
         let error = renderer.record(&mut commands, &Frame::new(1, &[albedo])).unwrap_err();
         assert!(matches!(error, Error::NoFeatures { channel: "albedo" }), "{error}");
+        let blinding = Target { exposure: f32::NAN, ..target };
+        let error = renderer.record(&mut commands, &Frame::new(1, &[blinding])).unwrap_err();
+        assert!(matches!(error, Error::Exposure { .. }), "{error}");
         let image = host.image([40, 30], vk::Format::R32G32B32A32_SFLOAT);
         let beyond = Target::image(image.target().with_origin([1, 0]), PixelFormat::Rgba32Float);
         for (target, needed) in [(target, "19200"), (beyond, "40x30")] {

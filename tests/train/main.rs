@@ -389,6 +389,12 @@ fn what_cannot_be_trained_is_an_error() {
             assert!(error.contains("ωo [") && error.contains(&value.to_string()), "{error}");
         }
     }
+    for wo in [glam::Vec3::NEG_Z, glam::Vec3::ZERO, glam::Vec3::NAN] {
+        let pairs = vec![Pair { wo, wi: glam::Vec3::Z, value: glam::Vec3::ONE, ..Pair::default() }];
+        let truth = GroundTruth::Samples { pairs, is_isotropic: true };
+        let error = Session::new(small(Recipe::Default), &truth).map(|_| ()).unwrap_err().to_string();
+        assert!(error.contains(&format!("ωo {wo}")), "{error}");
+    }
     let nothing = GroundTruth::Samples { pairs: Vec::new(), is_isotropic: true };
     assert!(Session::new(small(Recipe::Default), &nothing).is_err());
 }

@@ -12,7 +12,7 @@ fn load(table: &str) -> Result<(Surface, Scene), String> {
     let folder = tempfile::tempdir().unwrap();
     fs::write(folder.path().join("a.obj"), "v 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl m\nf 1 2 3\n").unwrap();
     fs::write(folder.path().join("a.csv"), "wi_theta,wi_phi,wo_theta,wo_phi,r,g,b\n10,0,20,30,0.1,0.2,0.3\n").unwrap();
-    tables::rgl(&metal(0.3, 0.3), vec![0.0], 4).tables().save(&folder.path().join("a.bsdf")).unwrap();
+    fs::write(folder.path().join("a.bsdf"), tables::rgl(&metal(0.3, 0.3), vec![0.0], 4).tables().encode()).unwrap();
     fs::write(folder.path().join("a.toml"), format!("[[mesh]]\nfile = \"a.obj\"\n[material.m]\n{table}")).unwrap();
     let (scene, _) = Scene::load(folder.path().join("a.toml")).map_err(|error| error.to_string())?;
     Ok((scene.materials[0].surface.clone(), scene))

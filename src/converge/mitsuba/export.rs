@@ -5,12 +5,11 @@
 //! coats, layers, cloth, BRDFs from files, F0 other than 1, textures and skies of many texels (other interpolation), and lamps that shine to both sides.
 
 use std::fmt::Write as _;
-use std::io::Write as _;
 use std::path::{Path, PathBuf};
 
 use glam::{Mat3, Vec3};
 
-use crate::image::atomic_write;
+use crate::image::write_file;
 use crate::scene::{Fresnel, Material, Mesh, Scene, Surface};
 
 /// Why a scene could not be exported.
@@ -52,15 +51,11 @@ pub fn export_mitsuba(scene: &Scene, max_depth: u32, directory: &Path) -> Result
         let mesh = &scene.meshes[instance.mesh as usize];
         for material in materials_of(mesh) {
             let name = format!("{index}-{material}.ply");
-            let path = directory.join(&name);
             let normal_to_world = Mat3::from(instance.object_to_world.matrix3).inverse().transpose();
             let place = |point: Vec3| instance.object_to_world.transform_point3(point);
             // A mirroring transform turns triangles around; their front stays where the normal of the object points.
             let is_mirrored = instance.object_to_world.matrix3.determinant() < 0.0;
-            atomic_write(&path, |file| {
-                file.write_all(&ply(mesh, material, place, normal_to_world, is_mirrored))
-                    .map_err(|source| ExportError::Io { path: path.clone(), source })
-            })?;
+            write_file(directory.join(&name), ply(mesh, material, place, normal_to_world, is_mirrored))?;
             let emission = scene.materials[material as usize].emission;
             let emitter = match emission == Vec3::ZERO {
                 true => String::new(),
@@ -76,9 +71,7 @@ pub fn export_mitsuba(scene: &Scene, max_depth: u32, directory: &Path) -> Result
     }
     xml.push_str("</scene>\n");
     let path = directory.join("scene.xml");
-    atomic_write(&path, |file| {
-        file.write_all(xml.as_bytes()).map_err(|source| ExportError::Io { path: path.clone(), source })
-    })?;
+    write_file(&path, xml)?;
     Ok(path)
 }
 

@@ -11,7 +11,7 @@ use super::gram::Gram;
 use super::ground_truth::AboutTruth;
 use super::plan::Clock;
 use crate::converge::clock::Timing;
-use crate::image::atomic_write;
+use crate::image::write_file;
 
 /// The version of the record's layout.
 const FORMAT: u32 = 1;
@@ -198,9 +198,8 @@ impl Record {
 
     /// Writes it whole or not at all.
     pub fn write(&self, path: &Path) -> Result<(), Error> {
-        atomic_write(path, |file| {
-            serde_json::to_writer_pretty(file, self)
-                .map_err(|error| Error::Io { path: path.to_owned(), source: error.into() })
-        })
+        let text = serde_json::to_vec_pretty(self);
+        let text = text.map_err(|error| Error::Io { path: path.to_owned(), source: error.into() })?;
+        Ok(write_file(path, text)?)
     }
 }

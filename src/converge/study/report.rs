@@ -1,6 +1,5 @@
 //! Writes what a study found: a page to read, a table, and every number.
 
-use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use serde_json::json;
@@ -10,16 +9,14 @@ use super::csv::csv;
 use super::error::Error;
 use super::html::page;
 use super::record::Record;
-use crate::image::atomic_write;
+use crate::image::write_file;
 
 /// Writes `report.html`, `runs.csv` and `analysis.json` beside the record; returns the page's path. The pictures that runs have left in
 /// `directory` become thumbnails.
 pub fn write_report(record: &Record, analysis: &Analysis, directory: &Path) -> Result<PathBuf, Error> {
     let write = |name: &str, text: &str| -> Result<PathBuf, Error> {
         let path = directory.join(name);
-        atomic_write(&path, |file| {
-            file.write_all(text.as_bytes()).map_err(|source| Error::Io { path: path.clone(), source })
-        })?;
+        write_file(&path, text)?;
         Ok(path)
     };
     write("runs.csv", &csv(record))?;

@@ -7,8 +7,7 @@
 //! cell of the next smaller θd that was, or else of the next larger, or else 0.
 
 use std::f64::consts::{FRAC_PI_2, PI};
-use std::fs::File;
-use std::io::{self, BufReader, BufWriter, Read, Write};
+use std::io::{BufReader, Read};
 use std::path::Path;
 
 use glam::Vec3;
@@ -110,21 +109,13 @@ impl Merl {
         Ok(Merl::filled(values))
     }
 
-    /// Writes a `.binary` file.
-    ///
-    /// # Errors
-    /// The system's.
-    pub fn save(&self, path: &Path) -> io::Result<()> {
-        let mut file = BufWriter::new(File::create(path)?);
-        for side in Self::SIZE {
-            file.write_all(&(side as i32).to_le_bytes())?;
-        }
-        for (channel, scale) in SCALES.into_iter().enumerate() {
-            for value in &self.values {
-                file.write_all(&(f64::from(value[channel]) / scale).to_le_bytes())?;
-            }
-        }
-        file.flush()
+    /// The bytes of a `.binary` file.
+    pub fn encode(&self) -> Vec<u8> {
+        let sides = Self::SIZE.into_iter().flat_map(|side| (side as i32).to_le_bytes());
+        let channel = |(channel, scale): (usize, f64)| {
+            self.values.iter().flat_map(move |value| (f64::from(value[channel]) / scale).to_le_bytes())
+        };
+        sides.chain(SCALES.into_iter().enumerate().flat_map(channel)).collect()
     }
 }
 

@@ -4,7 +4,6 @@
 //! Directions in the tables are pairs of numbers in [0, 1]: √(2θ/π) across and (φ + π)/2π down.
 
 use std::f32::consts::{FRAC_PI_2, PI, TAU};
-use std::io;
 use std::path::Path;
 
 use super::tensor_file::{self, F32, TensorFile, U8};
@@ -119,11 +118,8 @@ impl RglTables {
         Ok(tables)
     }
 
-    /// Writes a `.bsdf` file.
-    ///
-    /// # Errors
-    /// The system's.
-    pub fn save(&self, path: &Path) -> io::Result<()> {
+    /// The bytes of a `.bsdf` file.
+    pub fn encode(&self) -> Vec<u8> {
         let slices = [self.phi.len(), self.theta.len()];
         let floats = |name, outer: &[usize], inner: Option<&RglTable>, values: &[f32]| {
             let sides = inner.map_or(vec![], |table| vec![table.height, table.width]);
@@ -147,7 +143,7 @@ impl RglTables {
             floats("rgb", &[slices[0], slices[1], 3], Some(&self.rgb), &self.rgb.values),
             bytes("jacobian", &[u8::from(self.has_jacobian)]),
         ];
-        tensor_file::write(path, &fields)
+        tensor_file::encode(&fields)
     }
 }
 

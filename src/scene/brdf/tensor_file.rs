@@ -4,8 +4,6 @@
 //! name as `u16`, the name, the number of dimensions as `u16`, the type of its numbers as a byte, where they stand in the
 //! file as `u64`, and its shape, a `u64` each. The last dimension runs fastest.
 
-use std::fs;
-use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
 use crate::scene::error::{Error, Place, quote, read_bytes};
@@ -170,8 +168,8 @@ impl<'a> Cursor<'a> {
 /// A field to write: name, type, shape and bytes.
 pub(super) type Output<'a> = (&'a str, u8, Vec<usize>, Vec<u8>);
 
-/// Writes a tensor file.
-pub(super) fn write(path: &Path, fields: &[Output]) -> io::Result<()> {
+/// The bytes of a tensor file.
+pub(super) fn encode(fields: &[Output]) -> Vec<u8> {
     let header: usize = fields.iter().map(|(name, _, shape, _)| 13 + name.len() + 8 * shape.len()).sum();
     let mut start = ((MAGIC.len() + 4 + header) as u64).next_multiple_of(NUMBERS_AT);
     let mut bytes = MAGIC.to_vec();
@@ -189,5 +187,5 @@ pub(super) fn write(path: &Path, fields: &[Output]) -> io::Result<()> {
         bytes.resize(bytes.len().next_multiple_of(NUMBERS_AT as usize), 0);
         bytes.extend(data);
     }
-    fs::File::create(path)?.write_all(&bytes)
+    bytes
 }
