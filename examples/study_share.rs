@@ -128,15 +128,11 @@ fn outcome(arguments: &Arguments, members: &[&Truth]) -> Result<Option<Outcome>>
         let mut sessions = members.iter().map(session).collect::<Result<Vec<_>>>()?;
         let watch = Stopwatch::own();
         let materials = if let [session] = sessions.as_mut_slice() {
-            while !session.is_done() {
-                session.step();
-            }
+            session.run(u32::MAX);
             session.neubrdf().into_iter().collect()
         } else {
             let mut group = Group::new(sessions, arguments.share_network)?;
-            while !group.is_done() {
-                group.step();
-            }
+            group.run(u32::MAX);
             group.neubrdfs()
         };
         let cpu_seconds = watch.stop().cpu_seconds;

@@ -123,9 +123,7 @@ fn compared(arguments: &Arguments, truth: &Truth, kind: &Kind) -> Result<Outcome
     let n_side = plan.n_side[0];
     let mut session = Session::new(plan, &GroundTruth::Samples { pairs, is_isotropic: truth.is_isotropic })?;
     let started = Instant::now();
-    while !session.is_done() {
-        session.step();
-    }
+    session.run(u32::MAX);
     let train_seconds = started.elapsed().as_secs_f64();
     let file = session.neubrdf().context("a NeuBRDF was trained")?.encode(Precision::F16)?;
     let fit = Evaluator::neubrdf(&NeuBrdf::decode(&file)?);

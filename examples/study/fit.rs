@@ -56,9 +56,7 @@ pub fn train(truth: &Truth, plan: Plan) -> Result<Trained> {
     let is_isotropic = truth.is_isotropic;
     let mut session = Session::new(plan, &GroundTruth::Samples { pairs, is_isotropic })?;
     let training = Stopwatch::own();
-    while !session.is_done() {
-        session.step();
-    }
+    session.run(u32::MAX);
     let training = training.stop();
     let views = session.views(&GroundTruth::Function { eval: &|wo, wi| truth.eval(wo, wi), is_isotropic }, |_, _| ());
     let finishing = Stopwatch::own();

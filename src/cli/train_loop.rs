@@ -17,13 +17,13 @@ const CHECKPOINT_INTERVAL: f64 = 30.0;
 const STRIDE: u32 = 16;
 
 /// What can be trained.
-pub trait Training: Send {
+pub trait Training {
     /// Steps to take in all.
     fn planned(&self) -> u32;
     fn steps(&self) -> u32;
     fn loss(&self) -> f64;
     fn is_done(&self) -> bool;
-    fn step(&mut self);
+    fn run(&mut self, steps: u32);
     fn wind_down(&mut self);
     fn save(&mut self, path: &Path) -> Result<(), Error>;
 }
@@ -48,8 +48,8 @@ macro_rules! training {
                 self.is_done()
             }
 
-            fn step(&mut self) {
-                self.step();
+            fn run(&mut self, steps: u32) {
+                self.run(steps);
             }
 
             fn wind_down(&mut self) {
@@ -77,14 +77,7 @@ pub fn train(
     let mut last_checkpoint = Instant::now();
     let mut is_winding_down = false;
     while !training.is_done() {
-        // On one of the threads that share the work of each step: handing it over costs more than some of what it does.
-        rayon::scope(|_| {
-            for _ in 0..STRIDE {
-                if !training.is_done() {
-                    training.step();
-                }
-            }
-        });
+        training.run(STRIDE);
         bar.set_position(training.steps().into());
         bar.set_message(format!("loss {:.5}", training.loss()));
         if is_winding_down {

@@ -396,9 +396,7 @@ mod tests {
         let eval = truth(is_isotropic);
         let truth = GroundTruth::Function { eval: &eval, is_isotropic };
         let mut session = Session::new(plan, &truth).unwrap();
-        while !session.is_done() {
-            session.step();
-        }
+        session.run(u32::MAX);
         (session.neubrdf().unwrap(), session.views(&truth, |_, _| ()).unwrap())
     }
 

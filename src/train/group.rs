@@ -80,8 +80,19 @@ impl Group {
         self.members.iter().map(Session::loss).sum::<f64>() / self.members.len() as f64
     }
 
-    /// Each member takes a step.
-    pub fn step(&mut self) {
+    /// Each member takes so many steps, or all that are left: [`Session::run`].
+    pub fn run(&mut self, steps: u32) {
+        rayon::scope(|_| {
+            for _ in 0..steps {
+                if self.is_done() {
+                    break;
+                }
+                self.step();
+            }
+        });
+    }
+
+    fn step(&mut self) {
         let first = &self.members[0];
         if first.steps() == first.step_at(QUANTISE_AT) {
             self.quantise();

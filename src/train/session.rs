@@ -139,8 +139,20 @@ impl Session {
         self.loss
     }
 
-    /// Takes a step.
-    pub fn step(&mut self) {
+    /// Takes so many steps, or all that are left. On one of the threads that share the work of each: handing it over costs more than some of
+    /// what it does.
+    pub fn run(&mut self, steps: u32) {
+        rayon::scope(|_| {
+            for _ in 0..steps {
+                if self.is_done() {
+                    break;
+                }
+                self.step();
+            }
+        });
+    }
+
+    fn step(&mut self) {
         if self.trainer.step == self.step_at(QUANTISE_AT) {
             self.quantise();
         }

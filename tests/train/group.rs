@@ -23,9 +23,7 @@ fn group(plan: &Plan, shares_network: bool) -> Group {
 }
 
 fn finish(group: &mut Group) -> Vec<u8> {
-    while !group.is_done() {
-        group.step();
-    }
+    group.run(u32::MAX);
     let named = |(index, brdf)| (format!("m{index}"), brdf);
     NeuBrdfPack { materials: group.neubrdfs().into_iter().enumerate().map(named).collect() }
         .encode(Precision::F32)
@@ -67,7 +65,7 @@ fn codes_of_all_resolutions_are_learned() {
         first.hemispheres().map(|table| table.codebook.codes.chunks(3).map(<[f32]>::to_vec).collect()).collect()
     };
     while group.steps() <= plan.steps / 20 {
-        group.step();
+        group.run(1);
     }
     let found = codebooks(&group);
     finish(&mut group);
@@ -95,12 +93,12 @@ fn a_seed_gives_the_same_pack_whatever_the_threads_and_after_a_stop() {
     let path = directory.path().join("state");
     for plan in small_plans() {
         for shares_network in [false, true] {
-            let fit = |threads: usize, stop: Option<usize>| {
+            let fit = |threads: usize, stop: Option<u32>| {
                 let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
                 pool.install(|| {
                     let mut whole = group(&plan, shares_network);
                     let Some(stop) = stop else { return finish(&mut whole) };
-                    (0..stop).for_each(|_| whole.step());
+                    whole.run(stop);
                     whole.save(&path).unwrap();
                     let mut resumed = group(&plan, shares_network);
                     resumed.restore(&path).unwrap();
@@ -120,7 +118,7 @@ fn a_seed_gives_the_same_pack_whatever_the_threads_and_after_a_stop() {
 #[test]
 fn winding_down_gives_a_pack_at_any_time() {
     let mut group = group(&Plan { codes: [24; 2], steps: 400, ..small(Recipe::Default) }, false);
-    (0..5).for_each(|_| group.step());
+    group.run(5);
     group.wind_down();
     NeuBrdfPack::decode(&finish(&mut group)).unwrap();
     assert!(group.steps() < 100);

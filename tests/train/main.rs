@@ -44,9 +44,7 @@ fn isotropic(eval: &(dyn Fn(DVec3, DVec3) -> DVec3 + Sync)) -> GroundTruth<'_> {
 }
 
 fn finish(session: &mut Session) -> Vec<u8> {
-    while !session.is_done() {
-        session.step();
-    }
+    session.run(u32::MAX);
     session.neubrdf().unwrap().encode(Precision::F32).unwrap()
 }
 
@@ -91,9 +89,7 @@ fn the_end_closes_gaps_of_albedos() {
     let eval = |pairs: &[[DVec3; 2]]| -> Vec<DVec3> { pairs.iter().map(|[wo, wi]| satin(*wo, *wi)).collect() };
     let plan = Plan { steps: 300, pairs: 1 << 15, ..small(Recipe::Default) };
     let mut session = Session::new(plan, &truth).unwrap();
-    while !session.is_done() {
-        session.step();
-    }
+    session.run(u32::MAX);
     let errors = |brdf: NeuBrdf| {
         let evaluator = Evaluator::neubrdf(&brdf);
         compare(16, true, &|pairs| evaluator.eval(pairs), &eval).errors
@@ -155,7 +151,7 @@ fn a_resumed_training_ends_as_an_uninterrupted_one() {
         for stop in [13, 50] {
             let path = directory.path().join(format!("{index}-{stop}"));
             let mut session = Session::new(plan.clone(), &isotropic(&satin)).unwrap();
-            (0..stop).for_each(|_| session.step());
+            session.run(stop);
             session.save(&path).unwrap();
             let mut resumed = Session::new(plan.clone(), &isotropic(&satin)).unwrap();
             resumed.restore(&path).unwrap();
@@ -169,7 +165,7 @@ fn a_checkpoint_of_something_else_is_an_error() {
     let directory = tempfile::tempdir().unwrap();
     let path = directory.path().join("state");
     let mut session = Session::new(small(Recipe::Default), &isotropic(&satin)).unwrap();
-    session.step();
+    session.run(1);
     session.save(&path).unwrap();
     let restore = |plan: Plan, eval: &(dyn Fn(DVec3, DVec3) -> DVec3 + Sync)| {
         let mut session = Session::new(plan, &isotropic(eval)).unwrap();
@@ -201,7 +197,7 @@ fn a_checkpoint_of_something_else_is_an_error() {
 fn winding_down_ends_soon_and_with_less_error() {
     let plan = Plan { steps: 2000, ..small(Recipe::Default) };
     let mut session = Session::new(plan, &isotropic(&satin)).unwrap();
-    (0..300).for_each(|_| session.step());
+    session.run(300);
     let before = session.loss();
     session.wind_down();
     finish(&mut session);
@@ -215,16 +211,16 @@ fn winding_down_the_papers_recipe_prunes_and_ends_with_small_steps() {
     for begun in [300, 1450, 1600] {
         let plan = Plan { steps: 2000, codes: [16; 2], pruned: 16, ..small(Recipe::Paper) };
         let mut session = Session::new(plan, &isotropic(&satin)).unwrap();
-        (0..begun).for_each(|_| session.step());
+        session.run(begun);
         session.wind_down();
         let weights = |session: &Session| -> Vec<f32> {
             let layers = session.neubrdf().unwrap().layers;
             assert!(layers.iter().take(3).all(|layer| layer.outputs == 16));
             layers.into_iter().flat_map(|layer| layer.weights).collect()
         };
-        (0..99).for_each(|_| session.step());
+        session.run(99);
         let before = weights(&session);
-        session.step();
+        session.run(1);
         let moved = before.iter().zip(weights(&session)).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
         assert!(session.is_done() && moved < 2e-4, "from step {begun} on: {moved} in the last step");
     }
@@ -298,9 +294,7 @@ fn an_anisotropic_nbrdf_and_a_neubrdf_learn_the_same_metal() {
     for (model, most) in [(Model::NeuBrdf, 0.08), (Model::Nbrdf, 0.15)] {
         let plan = Plan { model, n_side: [8; 2], steps: 1200, pairs: 1 << 16, ..small(Recipe::Default) };
         let mut session = Session::new(plan, &GroundTruth::Function { eval: &eval, is_isotropic: false }).unwrap();
-        while !session.is_done() {
-            session.step();
-        }
+        session.run(u32::MAX);
         let evaluator = session.evaluator();
         let truth = |pairs: &[[DVec3; 2]]| -> Vec<DVec3> { pairs.iter().map(|[wo, wi]| eval(*wo, *wi)).collect() };
         let errors = compare(16, false, &|pairs| evaluator.eval(pairs), &truth).errors;
@@ -312,7 +306,7 @@ fn an_anisotropic_nbrdf_and_a_neubrdf_learn_the_same_metal() {
 fn a_trained_nbrdf_is_read_back_as_what_was_trained() {
     let plan = Plan { model: Model::Nbrdf, ..small(Recipe::Default) };
     let mut session = Session::new(plan, &isotropic(&satin)).unwrap();
-    (0..60).for_each(|_| session.step());
+    session.run(60);
     let directory = tempfile::tempdir().unwrap();
     let path = directory.path().join("satin.safetensors");
     std::fs::write(&path, session.nbrdf().unwrap().to_safetensors("satin")).unwrap();

@@ -151,7 +151,7 @@ fn a_resumed_training_over_a_texture_ends_as_an_uninterrupted_one() {
         assert_eq!(NeuBrdf::decode(&whole).unwrap().surface.unwrap().codebook.code_count(), 20);
         for stop in [13, 50] {
             let mut session = start();
-            (0..stop).for_each(|_| session.step());
+            session.run(stop);
             session.save(&path).unwrap();
             let mut resumed = start();
             resumed.restore(&path).unwrap();
