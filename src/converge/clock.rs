@@ -1,4 +1,4 @@
-//! Times, and how busy the rest of the machine was meanwhile (by /proc: elsewhere than on Linux processor times are 0).
+//! Times, and how busy the rest of the machine was meanwhile (elsewhere than on Linux processor times are 0).
 
 use std::time::{Duration, Instant};
 
@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::gpu::Profile;
 
-/// Ticks of /proc a second (USER_HZ, which is 100 on every Linux).
+/// Ticks of /proc/stat a second (USER_HZ, which is 100 on every Linux).
 const TICKS: f64 = 100.0;
 
 /// How long a GPU is kept busy before something is timed.
@@ -74,16 +74,21 @@ fn busy_seconds() -> f64 {
     [0, 1, 2, 5, 6, 7].iter().filter_map(|field| ticks.get(*field)).sum::<f64>() / TICKS
 }
 
+/// Processor time of these processes. By their clocks, which count nanoseconds: what /proc says of a process is in ticks.
 fn cpu_seconds(processes: &[u32]) -> f64 {
-    processes
-        .iter()
-        .map(|process| {
-            let stat = std::fs::read_to_string(format!("/proc/{process}/stat")).unwrap_or_default();
-            // After the name, which may hold blanks: fields 14 and 15 are user and system time.
-            let fields = stat.rsplit_once(')').map_or("", |(_, rest)| rest).split_whitespace();
-            fields.skip(11).take(2).filter_map(|field| field.parse::<f64>().ok()).sum::<f64>() / TICKS
-        })
-        .sum()
+    processes.iter().map(|process| process_seconds(*process)).sum()
+}
+
+#[cfg(target_os = "linux")]
+fn process_seconds(process: u32) -> f64 {
+    use nix::time::{clock_getcpuclockid, clock_gettime};
+    let time = clock_getcpuclockid(nix::unistd::Pid::from_raw(process as i32)).and_then(clock_gettime);
+    time.map_or(0.0, |time| Duration::from(time).as_secs_f64())
+}
+
+#[cfg(not(target_os = "linux"))]
+fn process_seconds(_: u32) -> f64 {
+    0.0
 }
 
 /// The load of the last minute.
