@@ -28,6 +28,12 @@ struct Arguments {
     /// Steps instead of the quality's
     #[arg(long)]
     steps: Option<u32>,
+    /// Features of each point of a grid instead of the recipe's
+    #[arg(long)]
+    features: Option<usize>,
+    /// Resolutions instead of the recipe's
+    #[arg(long)]
+    resolutions: Option<usize>,
     /// Neurons of each hidden layer instead of the recipe's
     #[arg(long)]
     hidden: Option<usize>,
@@ -105,10 +111,13 @@ fn row(arguments: &Arguments, truth: &Truth) -> Result<Option<Row>> {
 fn outcome(arguments: &Arguments, truth: &Truth, model: Model, recipe: Recipe) -> Result<Option<Outcome>> {
     let mut plan = Plan::new(model, recipe, arguments.quality, truth.is_isotropic);
     plan.steps = arguments.steps.unwrap_or(plan.steps);
-    if let Some(hidden) = arguments.hidden {
-        plan = Plan { hidden, pruned: hidden, ..plan };
+    if model == Model::NeuBrdf {
+        plan.features = arguments.features.unwrap_or(plan.features);
+        plan.resolutions = arguments.resolutions.unwrap_or(plan.resolutions);
+        plan.hidden = arguments.hidden.unwrap_or(plan.hidden);
+        plan.pruned = arguments.hidden.unwrap_or(plan.pruned);
+        plan.sees_half_vector = arguments.half_vector.unwrap_or(plan.sees_half_vector);
     }
-    plan.sees_half_vector = arguments.half_vector.unwrap_or(plan.sees_half_vector);
     let path = arguments.folder.join(format!("{}-{}.json", truth.name, key(&plan)?));
     if arguments.print && !path.exists() {
         eprintln!("{} is left out: there is no {}", truth.name, path.display());

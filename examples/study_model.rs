@@ -74,7 +74,7 @@ struct Sizes {
     corner_weights: CornerWeights,
 }
 
-/// That of anisotropic materials; isotropic ones have one resolution of 12 features.
+/// That of anisotropic materials; isotropic ones have one resolution of 8 features.
 const DEFAULT: Sizes = Sizes {
     n_side: 16,
     resolutions: 3,
@@ -87,7 +87,7 @@ const DEFAULT: Sizes = Sizes {
 
 /// All models, with the place of their axis in [`AXES`].
 fn models() -> Vec<(usize, Sizes)> {
-    let single = Sizes { resolutions: 1, features: 12, ..DEFAULT };
+    let single = Sizes { resolutions: 1, features: 8, ..DEFAULT };
     let mut models = vec![(0, DEFAULT), (0, single)];
     models.extend([8, 32, 64].map(|n_side| (1, Sizes { n_side, ..DEFAULT })));
     let codes = [(16, 4), (16, 6), (16, 8), (16, 10), (64, 4), (64, 6), (64, 8), (64, 10)];
@@ -103,7 +103,8 @@ fn models() -> Vec<(usize, Sizes)> {
     }
     let pyramids = [
         (16, 1, 4),
-        (16, 1, 8),
+        (16, 1, 6),
+        (16, 1, 12),
         (16, 1, 16),
         (16, 2, 4),
         (16, 2, 6),

@@ -28,7 +28,7 @@ pub fn run() -> Result<()> {
         hidden: &[32; 3],
         ..full
     };
-    let isotropic = Shape { is_isotropic: true, is_pruned: true, ..default };
+    let isotropic = Shape { is_isotropic: true, is_pruned: true, features: 8, resolutions: 1, ..default };
     let rows = [
         ("the default's sizes, isotropic, f16", isotropic, Precision::F16),
         ("the default's sizes, anisotropic, f16", default, Precision::F16),

@@ -69,6 +69,9 @@ const MANY_CODES: usize = 4096;
 /// Neurons of a hidden layer of [`Plan::wide`].
 const WIDE: usize = 64;
 
+/// Features of a pair of points on all resolutions, where there are several or places vary.
+const MANY_FEATURES: usize = 12;
+
 /// Features of a texel.
 const SURFACE_FEATURES: usize = 8;
 
@@ -150,7 +153,7 @@ impl Plan {
             recipe,
             n_side: [16; 2],
             resolutions: 1,
-            features: 12,
+            features: 8,
             codes: [MOST_CODES; 2],
             surface: None,
             sees_half_vector: model == Model::NeuBrdf && recipe == Recipe::Default,
@@ -188,11 +191,11 @@ impl Plan {
         }
     }
 
-    /// The same on three resolutions, or as many as the grids have, of 12 features in all.
+    /// The same on three resolutions, or as many as the grids have, of [`MANY_FEATURES`] in all.
     pub fn of_several_resolutions(self) -> Plan {
         let n_side = self.n_side.into_iter().min().unwrap_or(1).max(1);
         let resolutions = (n_side.ilog2() as usize + 1).min(3);
-        Plan { resolutions, features: 12 / resolutions, ..self }
+        Plan { resolutions, features: MANY_FEATURES / resolutions, ..self }
     }
 
     /// The same for a material that varies, over so many texels across and down.
@@ -204,7 +207,11 @@ impl Plan {
             _ => MOST_CODES,
         };
         let surface = SurfacePlan { texels, features: SURFACE_FEATURES, codes };
-        Plan { surface: Some(surface), albedo_rounds: 0, ..self.wide() }
+        let features = match self.recipe {
+            Recipe::Default => MANY_FEATURES / self.resolutions,
+            _ => self.features,
+        };
+        Plan { surface: Some(surface), features, albedo_rounds: 0, ..self.wide() }
     }
 
     /// Numbers that go into the network.
