@@ -82,11 +82,9 @@ impl Group {
 
     /// Each member takes so many steps, or all that are left: [`Session::run`].
     pub fn run(&mut self, steps: u32) {
+        let end = self.steps().saturating_add(steps);
         rayon::scope(|_| {
-            for _ in 0..steps {
-                if self.is_done() {
-                    break;
-                }
+            while self.steps() < end && !self.is_done() {
                 self.step();
             }
         });

@@ -142,11 +142,9 @@ impl Session {
     /// Takes so many steps, or all that are left. On one of the threads that share the work of each: handing it over costs more than some of
     /// what it does.
     pub fn run(&mut self, steps: u32) {
+        let end = self.steps().saturating_add(steps);
         rayon::scope(|_| {
-            for _ in 0..steps {
-                if self.is_done() {
-                    break;
-                }
+            while self.steps() < end && !self.is_done() {
                 self.step();
             }
         });
