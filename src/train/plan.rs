@@ -191,7 +191,7 @@ impl Plan {
         }
     }
 
-    /// The same on three resolutions, or as many as the grids have, of [`MANY_FEATURES`] in all.
+    /// The same on three resolutions, or as many as the grids have, of 12 features in all.
     pub fn of_several_resolutions(self) -> Plan {
         let n_side = self.n_side.into_iter().min().unwrap_or(1).max(1);
         let resolutions = (n_side.ilog2() as usize + 1).min(3);
