@@ -23,7 +23,7 @@ DEVICE := llvmpipe
 test-device: install-test
 	NEUBRDF_TEST_DEVICE=$(DEVICE) $(CARGO) test $(FEATURES) --test gpu --test traversal --test bsdf --test neubrdf_device \
 		--test render --test truth --test stability --test proof --test normal_map --test roughness_map --test direction_map --test emission_texture \
-		--test opacity --test texture_placement --test patches --test plugin --test plugin_calls --test host_meshes
+		--test opacity --test path_reuse --test texture_placement --test patches --test plugin --test plugin_calls --test host_meshes
 
 ## The tests of the plugin that take long: 10,000 frames with changes, and 1,000 renderers made and dropped; under the validation
 ## layer, and without it, as its own books grow.

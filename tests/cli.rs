@@ -224,6 +224,7 @@ fn a_threshold_that_decides_nothing_and_an_option_that_does_nothing_are_refused(
         "--pool=7",
         "--model=truth",
         "--clamp-indirect=off",
+        "--path-reuse=on",
         "--spp=4",
         "--repetitions=4",
         "--max-depth=4",

@@ -27,10 +27,11 @@ void main() {
         material_index = surface.material;
     }
     if (variant == VARIANT_PROBE) {
-        film.features.at[first_pixel + slot].depth = depth;
-        film.features.at[first_pixel + slot].instance = hit.instance;
-        film.features.at[first_pixel + slot].triangle = HAS_PATCHES ? hit.triangle & ~IN_PATCH : hit.triangle;
-        film.features.at[first_pixel + slot].material = material_index;
+        uint index = film_index(first_pixel + slot);
+        film.features.at[index].depth = depth;
+        film.features.at[index].instance = hit.instance;
+        film.features.at[index].triangle = HAS_PATCHES ? hit.triangle & ~IN_PATCH : hit.triangle;
+        film.features.at[index].material = material_index;
     } else {
         film.first_albedo.at[slot] = vec4(albedo, 0.0);
         film.first_normal.at[slot] = vec4(normal, 0.0);

@@ -4,6 +4,7 @@
 
 #include "lib/camera.glsl"
 #include "lib/queue.glsl"
+#include "lib/reuse.glsl"
 #include "lib/sampler.glsl"
 
 void main() {
@@ -12,9 +13,7 @@ void main() {
         return;
     }
     uint place = slot / samples_per_pixel;
-    uint index = first_pixel + place;
-    uint row = index / film.crop_size.x;
-    uvec2 pixel = film.crop_origin + uvec2(index - row * film.crop_size.x, row);
+    uvec2 pixel = film.crop_origin + pixel_at(first_pixel + place);
     SampleKey key = sample_key(pixel, first_sample + (slot - place * samples_per_pixel), film.seed);
     vec2 u_pixel = variant == VARIANT_PROBE ? vec2(0.5) : sample_2d(key, DIMENSION_PIXEL);
     vec2 u_lens = variant == VARIANT_PROBE ? vec2(0.5) : sample_2d(key, DIMENSION_LENS);
@@ -24,4 +23,7 @@ void main() {
     pool.throughput.at[slot] = vec4(1.0);
     pool.radiance.at[slot] = vec4(0.0);
     pool.hit_key.at[slot].zw = uvec2(key.pixel, key.index);
+    if (REUSES_PATHS) {
+        reuse_begin(slot);
+    }
 }

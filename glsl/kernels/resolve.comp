@@ -22,7 +22,8 @@ void main() {
     if (place >= pixel_count) {
         return;
     }
-    FilmPixel pixel = film.pixels.at[first_pixel + place];
+    uint index = film_index(first_pixel + place);
+    FilmPixel pixel = film.pixels.at[index];
     uint rejected = 0u;
     for (uint i = 0u; i < samples_per_pixel; ++i) {
         vec3 radiance = pool.radiance.at[place * samples_per_pixel + i].rgb;
@@ -33,18 +34,18 @@ void main() {
         add_compensated(pixel.sum, pixel.sum_error, radiance);
         add_compensated(pixel.square, pixel.square_error, radiance * radiance);
     }
-    film.pixels.at[first_pixel + place] = pixel;
+    film.pixels.at[index] = pixel;
     if (rejected > 0u) {
         atomicAdd(film.rejected.at[0], rejected);
     }
     if (HAS_FEATURES) {
-        FeaturePixel features = film.features.at[first_pixel + place];
+        FeaturePixel features = film.features.at[index];
         for (uint i = 0u; i < samples_per_pixel; ++i) {
             uint slot = place * samples_per_pixel + i;
             float share = 1.0 / float(first_sample + i + 1u);
             features.albedo += (film.first_albedo.at[slot].rgb - features.albedo) * share;
             features.normal += (film.first_normal.at[slot].xyz - features.normal) * share;
         }
-        film.features.at[first_pixel + place] = features;
+        film.features.at[index] = features;
     }
 }

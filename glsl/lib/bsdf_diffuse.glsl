@@ -4,6 +4,9 @@
 
 #include "lib/bsdf.glsl"
 
+// Its paths can be shared with neighbouring pixels, lib/reuse.glsl.
+#define BSDF_IS_LAMBERTIAN
+
 struct Bsdf {
     vec3 albedo;
 };

@@ -7,6 +7,7 @@ struct Frame {
     vec3 bitangent;
     vec3 normal;
     vec3 geometric;
+    bool follows_mesh;   // the normal is the one that the mesh says, not the triangle's in place of one that is turned away
 };
 
 vec3 normalize_or(vec3 v, vec3 fallback) {
@@ -33,7 +34,8 @@ Frame frame_make(vec3 wo, vec3 geometric, vec3 interpolated, vec3 dpdu, bool opa
         f.normal = -f.normal;
         facing = -facing;
     }
-    f.normal = dot(wo, f.normal) * facing <= 0.0 ? f.geometric : f.normal;
+    f.follows_mesh = dot(wo, f.normal) * facing > 0.0;
+    f.normal = f.follows_mesh ? f.normal : f.geometric;
     vec3 across = dpdu - f.normal * dot(f.normal, dpdu);
     // Less than 1e-5 rad off the normal is rounding error.
     bool has_tangent = dot(across, across) > 1e-10 * dot(dpdu, dpdu);

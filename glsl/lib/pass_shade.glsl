@@ -8,6 +8,7 @@
 #include "lib/footprint.glsl"
 #include "lib/light.glsl"
 #include "lib/queue.glsl"
+#include "lib/reuse.glsl"
 #include "lib/sampler.glsl"
 #include "lib/strategy.glsl"
 #include "lib/surface.glsl"
@@ -127,6 +128,15 @@ void pass_shade() {
     uint packed_normal = HAS_LIGHT_TREE ? pack_normal(surface.frame.normal, BOTH_SIDES) : NO_NORMAL;
     material.alpha = material_alpha(scene, material, surface.uv);
     Bsdf bsdf = bsdf_make(material, material_color(scene, material, surface.uv));
+#ifdef BSDF_IS_LAMBERTIAN
+    if (REUSES_PATHS && has_path && bounce == 0u && wo.z >= MIN_COSINE) {
+        reuse_receiver(slot, surface, bsdf.albedo);
+    }
+    if (REUSES_PATHS && has_path && bounce == 1u && wo.z >= MIN_COSINE && surface.frame.follows_mesh && reuse_is_receiver(slot)) {
+        reuse_sender(slot, surface);
+        throughput = vec3(1.0);
+    }
+#endif
     Cone cone = Cone(0.0, 0.0);
     if (HAS_FOOTPRINTS) {
         cone = bounce == 0u ? camera_cone(direction) : Cone(throughput_width.w, direction_spread.w);

@@ -722,6 +722,10 @@ typedef struct NeubrdfOptions {
    * What a path may bring of indirect light, in any channel; 0 is no limit. It ends fireflies and takes light away.
    */
   float clamp_indirect;
+  /**
+   * Not 0 if neighbouring pixels shall share paths between diffuse surfaces: less noise of indirect light, at a price. Not for scenes with holes.
+   */
+  uint32_t path_reuse;
 } NeubrdfOptions;
 
 /**

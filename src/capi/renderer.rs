@@ -127,6 +127,8 @@ pub struct NeubrdfOptions {
     pub neubrdf_count: u32,
     /// What a path may bring of indirect light, in any channel; 0 is no limit. It ends fireflies and takes light away.
     pub clamp_indirect: f32,
+    /// Not 0 if neighbouring pixels shall share paths between diffuse surfaces: less noise of indirect light, at a price. Not for scenes with holes.
+    pub path_reuse: u32,
 }
 
 /// How pixels are written. Rows run from the top, without gaps.
@@ -244,6 +246,7 @@ impl NeubrdfOptions {
             settings: Settings {
                 max_depth: or(self.max_depth, default.settings.max_depth),
                 clamp_indirect: (self.clamp_indirect != 0.0).then_some(self.clamp_indirect),
+                path_reuse: self.path_reuse != 0,
                 seed: self.seed,
                 sampler,
                 crop: (width > 0).then_some(Crop { x, y, width, height }),
@@ -611,6 +614,7 @@ mod tests {
                 crop: [0; 4],
                 neubrdf_count: 0,
                 clamp_indirect: 0.0,
+                path_reuse: 0,
             };
             choices.reserved()
         };

@@ -59,6 +59,9 @@ pub struct Arguments {
     /// What a path may bring of indirect light: radiances, off
     #[arg(long, value_name = "LIST", value_delimiter = ',', help_heading = "Methods: all combinations of")]
     clamp_indirect: Vec<String>,
+    /// on, off: whether neighbouring pixels share paths
+    #[arg(long, value_name = "LIST", value_delimiter = ',', help_heading = "Methods: all combinations of")]
+    path_reuse: Vec<String>,
 
     /// The ladder of samples a pixel [default: 4,16,64,256]
     #[arg(long, value_name = "LIST", value_delimiter = ',')]
@@ -106,7 +109,7 @@ pub struct Arguments {
 }
 
 /// What has no meaning for a suite.
-const OF_STUDIES: [&str; 23] = [
+const OF_STUDIES: [&str; 24] = [
     "scenes",
     "study",
     "traversal",
@@ -117,6 +120,7 @@ const OF_STUDIES: [&str; 23] = [
     "pool",
     "model",
     "clamp_indirect",
+    "path_reuse",
     "spp",
     "repetitions",
     "max_depth",
@@ -174,6 +178,7 @@ impl Arguments {
             &self.pool,
             &self.model,
             &self.clamp_indirect,
+            &self.path_reuse,
         ];
         if plan.methods.is_empty() || lists.iter().any(|list| !list.is_empty()) {
             let mut axes = Axes::default();

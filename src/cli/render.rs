@@ -49,6 +49,9 @@ pub struct Arguments {
     /// Bounces that no path ends at by chance; from then on Russian roulette ends dark ones
     #[arg(long, value_name = "BOUNCES", default_value_t = Settings::ROULETTE_AFTER)]
     roulette_after: u32,
+    /// Let neighbouring pixels share paths between diffuse surfaces: less noise of indirect light
+    #[arg(long)]
+    path_reuse: bool,
     /// What a path may bring of indirect light: ends fireflies, and takes light away. Without it nothing does
     #[arg(long, value_name = "RADIANCE", allow_negative_numbers = true)]
     clamp_indirect: Option<f32>,
@@ -142,6 +145,7 @@ pub fn run(arguments: Arguments) -> Result<ExitCode> {
         features: !arguments.aov.0.is_empty(),
         light_sampling: !arguments.no_light_sampling,
         bsdf_sampling: arguments.bsdf_sampling,
+        path_reuse: arguments.path_reuse,
         neubrdf_precision: None,
     };
     let options = Options { traversal: arguments.traversal, pool_paths: arguments.pool };

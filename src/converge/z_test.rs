@@ -11,6 +11,9 @@
 //! could find. Taking the larger errs towards acceptance, as does stratified sampling, which is better than its
 //! sample variance tells.
 //!
+//! **Shared paths.** Where pixels of a picture share paths ([`Picture::paths_shared_by`]), the variance of a sum of pixels is up to so many
+//! times the sum of their variances; that much is taken.
+//!
 //! **Rounding.** Pixels without variance (a furnace, a lamp seen directly) must agree as floats do: V has a floor of
 //! (tolerance · (block's level + picture's level))².
 //!
@@ -45,7 +48,7 @@ impl ZTestOptions {
         let b = Estimate::new(reference, reference_mean, "reference")?;
         let total = |plane: &[[f32; 3]]| plane.as_flattened().iter().map(|value| f64::from(*value)).sum::<f64>();
         let level = total(&b.mean);
-        let per_level = (total(&a.variance) + total(&b.variance)) / level;
+        let per_level = (a.shared_by * total(&a.variance) + b.shared_by * total(&b.variance)) / level;
         let longest = image.width.max(image.height);
         while options.block < longest {
             let side = options.block;
@@ -141,6 +144,7 @@ struct Estimate<'a> {
     mean: Vec<[f32; 3]>,
     variance: Vec<[f32; 3]>,
     samples: &'a [u32],
+    shared_by: f64,
 }
 
 impl ZTest {
@@ -235,7 +239,7 @@ impl<'a> Estimate<'a> {
         let samples = picture
             .u32(plane::SAMPLES)
             .ok_or_else(|| missing(picture, which, &format!("{} (uint), which a z-test needs", plane::SAMPLES)))?;
-        Ok(Estimate { mean, variance, samples })
+        Ok(Estimate { mean, variance, samples, shared_by: picture.paths_shared_by.into() })
     }
 }
 
@@ -252,10 +256,10 @@ fn pixel_sums(a: &Estimate, b: &Estimate, pixel: usize) -> Option<Sums> {
         let [variance_a, variance_b] = [a.variance[pixel][channel], b.variance[pixel][channel]].map(f64::from);
         sums.difference[channel] = mean_a - mean_b;
         sums.level[channel] = mean_a.abs().max(mean_b.abs());
-        sums.welch[channel] = variance_a + variance_b;
+        sums.welch[channel] = a.shared_by * variance_a + b.shared_by * variance_b;
         // Weights are degrees of freedom, so that a picture with one sample, whose variance is unknown, has none.
         let of_sample = ((count_a - 1.0) * count_a * variance_a + (count_b - 1.0) * count_b * variance_b) / freedom;
-        sums.pooled[channel] = of_sample * (1.0 / count_a + 1.0 / count_b);
+        sums.pooled[channel] = of_sample * (a.shared_by / count_a + b.shared_by / count_b);
     }
     Some(sums)
 }

@@ -41,7 +41,7 @@ pub fn write_exr(path: impl AsRef<Path>, picture: &Picture, metadata: &Metadata)
         layer_position: Vec2(coordinate(metadata.crop_origin[0])?, coordinate(metadata.crop_origin[1])?),
         software_name: Text::new_or_none(format!("neubrdf {}", metadata.version)),
         vertical_field_of_view: Some(metadata.vertical_fov_degrees),
-        other: metadata.attributes(),
+        other: metadata.attributes(picture.paths_shared_by),
         ..LayerAttributes::default()
     };
     let layer = Layer::new(size, attributes, Encoding::SMALL_LOSSLESS, channels);
@@ -109,6 +109,7 @@ pub fn read_exr(path: impl AsRef<Path>) -> Result<(Picture, Metadata), Error> {
         }
         picture.set(name, samples);
     }
+    picture.paths_shared_by = Metadata::paths_shared_by(&layer.attributes.other);
 
     let unsigned = |value: i32| u32::try_from(value).unwrap_or(0);
     let display = image.attributes.display_window;

@@ -48,7 +48,7 @@ const PREFIX: &str = "neubrdf.";
 
 impl Metadata {
     /// The custom attributes; the windows have their own place in the header.
-    pub(super) fn attributes(&self) -> HashMap<Text, AttributeValue> {
+    pub(super) fn attributes(&self, paths_shared_by: u32) -> HashMap<Text, AttributeValue> {
         // EXR text is bytes; what is beyond Latin-1 (a driver's name, at worst) becomes '?'.
         let text = |value: &str| {
             let latin: String = value.chars().map(|char| if u32::from(char) < 256 { char } else { '?' }).collect();
@@ -62,6 +62,7 @@ impl Metadata {
             ("seed", text(&self.seed.to_string())),
             ("maxDepth", text(&self.max_depth.to_string())),
             ("clampIndirect", AttributeValue::F32(self.clamp_indirect)),
+            ("pathsSharedBy", text(&paths_shared_by.to_string())),
             ("renderSeconds", AttributeValue::F64(self.render_seconds)),
             ("device", text(&self.device)),
             ("version", text(&self.version)),
@@ -75,6 +76,16 @@ impl Metadata {
         .into_iter()
         .map(|(name, value)| (Text::from(format!("{PREFIX}{name}").as_str()), value))
         .collect()
+    }
+
+    /// [`crate::image::Picture::paths_shared_by`]
+    pub(super) fn paths_shared_by(attributes: &HashMap<Text, AttributeValue>) -> u32 {
+        let name = format!("{PREFIX}pathsSharedBy");
+        let value = attributes.iter().find(|(key, _)| key.bytes() == name.as_bytes()).map(|(_, value)| value);
+        match value {
+            Some(AttributeValue::Text(text)) => text.to_string().parse().unwrap_or(1).max(1),
+            _ => 1,
+        }
     }
 
     /// Reads the custom attributes; those of another type than ours are ignored.

@@ -69,13 +69,15 @@ pub struct Picture {
     pub width: u32,
     /// Pixels down.
     pub height: u32,
+    /// Pixels that share each path, and so err alike: 1 where each has its own.
+    pub paths_shared_by: u32,
     planes: BTreeMap<String, Samples>,
 }
 
 impl Picture {
     /// A picture without planes.
     pub fn new(width: u32, height: u32) -> Picture {
-        Picture { width, height, planes: BTreeMap::new() }
+        Picture { width, height, paths_shared_by: 1, planes: BTreeMap::new() }
     }
 
     /// Number of pixels.

@@ -42,6 +42,8 @@ pub struct Identity {
     pub light_sampling: bool,
     /// `lobe`, `cosine` or `uniform`.
     pub bsdf_sampling: String,
+    /// Whether pixels share paths.
+    pub path_reuse: bool,
     /// `f16`, `f32` or `auto`.
     pub neubrdf_precision: String,
     /// The device and driver: others may round otherwise.
@@ -127,6 +129,7 @@ impl Checkpoint {
         differs("feature channels", &found.features, &expected.features)?;
         differs("light sampling", &found.light_sampling, &expected.light_sampling)?;
         differs("BSDF sampling", &found.bsdf_sampling, &expected.bsdf_sampling)?;
+        differs("path reuse", &found.path_reuse, &expected.path_reuse)?;
         differs("precision", &found.neubrdf_precision, &expected.neubrdf_precision)?;
         differs("device", &found.device, &expected.device)?;
         differs("version", &found.version, &expected.version)
@@ -157,6 +160,7 @@ impl Identity {
             features: settings.features,
             light_sampling: settings.light_sampling,
             bsdf_sampling: settings.bsdf_sampling.to_string(),
+            path_reuse: settings.path_reuse,
             neubrdf_precision: settings.neubrdf_precision.map_or("auto".into(), |precision| precision.to_string()),
             device: device.to_owned(),
             version: env!("CARGO_PKG_VERSION").to_owned(),

@@ -20,13 +20,13 @@ pub struct Film {
 }
 
 impl Film {
-    /// A black film for a part of the scene's picture. `first_features` is [`super::pool::Pool::first_features`].
+    /// A black film for a part of the scene's picture. `by_slot` is [`super::pool::Pool::by_slot`].
     pub fn new(
         upload: &mut Upload,
         scene: &Scene,
         crop: Crop,
         settings: &Settings,
-        [first_albedo, first_normal]: [u64; 2],
+        [first_albedo, first_normal, reuse]: [u64; 3],
     ) -> Result<Film, Error> {
         let bytes = |size: usize| crop.pixel_count() * size as u64;
         let pixels = upload.zeroed("film", bytes(size_of::<FilmPixel>()))?;
@@ -45,6 +45,7 @@ impl Film {
             crop_size: [crop.width, crop.height],
             first_albedo,
             first_normal,
+            reuse,
             seed: settings.seed,
             padding: 0,
         };

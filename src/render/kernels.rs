@@ -205,13 +205,15 @@ impl Features {
             flag(13, settings.light_sampling),
             (14, settings.bsdf_sampling as u32),
             (26, self.neubrdf_queues),
-            (27, settings.roulette_after),
+            // Directions that are shared have the density that their material says.
+            (27, settings.roulette_after.max(u32::from(settings.path_reuse))),
+            flag(39, settings.path_reuse),
             (35, settings.clamp_indirect.unwrap_or(0.0).to_bits()),
             // Without light samples a vertex evaluates the direction that it goes on to, and no other.
             (34, if samples_lights { 2 } else { 1 }),
         ];
         common.extend(self.flags().map(|(id, has, _)| flag(id, has)));
-        let [closest, shadow] = trace_kernels(traversal);
+        let [closest, shadow, reuse] = trace_kernels(traversal);
         let names = [
             Some("generate"),
             Some(closest),
@@ -220,7 +222,13 @@ impl Features {
         ]
         .into_iter()
         .chain(Family::ALL.map(|family| self.has(family).then_some(shade_kernel(family))))
-        .chain([samples_lights.then_some(shadow), Some("resolve"), Some("estimate_error")]);
+        .chain([
+            samples_lights.then_some(shadow),
+            settings.path_reuse.then_some(reuse),
+            settings.path_reuse.then_some("reuse_paths"),
+            Some("resolve"),
+            Some("estimate_error"),
+        ]);
         names.flatten().map(|name| KernelPlan { name, specialization: common.clone() }).collect()
     }
 }
@@ -306,12 +314,17 @@ impl Kernels {
     pub fn trace_shadow(&self) -> &'static str {
         trace_kernels(self.traversal)[1]
     }
+
+    /// The kernel that tests what pixels could share for occlusion.
+    pub fn trace_reuse(&self) -> &'static str {
+        trace_kernels(self.traversal)[2]
+    }
 }
 
-fn trace_kernels(traversal: Traversal) -> [&'static str; 2] {
+fn trace_kernels(traversal: Traversal) -> [&'static str; 3] {
     match traversal {
-        Traversal::RayQuery => ["trace_closest_ray_query", "trace_shadow_ray_query"],
-        Traversal::Bvh => ["trace_closest_bvh", "trace_shadow_bvh"],
+        Traversal::RayQuery => ["trace_closest_ray_query", "trace_shadow_ray_query", "trace_reuse_ray_query"],
+        Traversal::Bvh => ["trace_closest_bvh", "trace_shadow_bvh", "trace_reuse_bvh"],
     }
 }
 

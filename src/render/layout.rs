@@ -126,6 +126,7 @@ crate::shared_structs! {
         pub crop_size: [u32; 2],
         pub first_albedo: u64,
         pub first_normal: u64,
+        pub reuse: u64,
         pub seed: u32,
         pub padding: u32,
     }

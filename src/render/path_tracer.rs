@@ -11,10 +11,14 @@ use super::layout::{CameraRecord, ErrorPass, Pass};
 use super::material_record::Family;
 use super::pool::{Pool, Queue};
 use super::renderer::Options;
-use super::settings::{Settings, Traversal};
+use super::settings::{BsdfSampling, Settings, Traversal};
 use crate::gpu::{Commands, Device, HostMesh, Kernel, Upload};
 use crate::image::Crop;
 use crate::scene::{LightTable, Material, Scene};
+
+/// Pixels of a group that shares paths, and of a square that is divided into such groups: `glsl/lib/reuse.glsl`.
+const REUSE_GROUP: u32 = 8;
+const REUSE_SQUARE: u32 = 64;
 
 /// Workgroups, and so partial sums, of the error estimate.
 pub const ERROR_WORKGROUPS: u32 = 64;
@@ -74,6 +78,14 @@ impl PathTracer {
             let found = limit.to_string();
             return Err(Error::Setting { name: "limit of indirect light", found, expected: "a number above 0" });
         }
+        if settings.path_reuse && settings.bsdf_sampling == BsdfSampling::Uniform {
+            let found = settings.bsdf_sampling.to_string();
+            return Err(Error::Setting {
+                name: "BSDF sampling",
+                found,
+                expected: "lobe or cosine where paths are reused",
+            });
+        }
         let traversal = traversal_for(&device, options.traversal)?;
         let mut lights = LightTable::new(scene);
         let features = Features::of(scene, &lights).or(reserve);
@@ -87,6 +99,13 @@ impl PathTracer {
                 expected: "on in a scene with a sun, which no path runs into",
             });
         }
+        if features.holes && settings.path_reuse {
+            return Err(Error::Setting {
+                name: "path reuse",
+                found: "on".into(),
+                expected: "off in a scene with materials with holes, through which paths go by chance",
+            });
+        }
         if features.has(Family::NeuBrdf) && !device.profile().compiles_neubrdf {
             return Err(Error::NeuBrdf { device: device.name().to_owned() });
         }
@@ -97,10 +116,10 @@ impl PathTracer {
         let kernels = Kernels::build(&device, &features, traversal, settings, &constants, shapes)?;
 
         let groups = device.limits().max_compute_work_group_count[0];
-        let dispatchable = groups.saturating_mul(device.profile().workgroup_size);
+        let dispatchable = groups.saturating_mul(device.profile().workgroup_size) / paths_shared_by(settings);
         let most_paths = options.pool_paths.unwrap_or(device.profile().pool_paths).clamp(1, dispatchable);
-        let pool = Pool::new(upload, useful_paths(most_paths, &crop), settings, &features)?;
-        let film = Film::new(upload, scene, crop, settings, pool.first_features())?;
+        let pool = Pool::new(upload, useful_paths(most_paths, &crop, settings), settings, &features)?;
+        let film = Film::new(upload, scene, crop, settings, pool.by_slot())?;
         let (scene, settings) = (device_scene, *settings);
         Ok(PathTracer { device, scene, kernels, features, settings, traversal, most_paths, pool, film })
     }
@@ -133,6 +152,11 @@ impl PathTracer {
     /// Its film.
     pub fn film(&self) -> &Film {
         &self.film
+    }
+
+    /// Pixels that share each path.
+    pub fn paths_shared_by(&self) -> u32 {
+        paths_shared_by(&self.settings)
     }
 
     /// Bytes on the device that hold paths in flight.
@@ -183,13 +207,13 @@ impl PathTracer {
     /// Too many pixels, out of memory.
     pub fn new_film(&self, upload: &mut Upload, scene: &Scene) -> Result<NextFilm, Error> {
         let crop = crop_of(scene, &self.settings)?;
-        let paths = useful_paths(self.most_paths, &crop);
+        let paths = useful_paths(self.most_paths, &crop, &self.settings);
         let pool = match paths > self.pool.capacity() {
             true => Some(Pool::new(upload, paths, &self.settings, &self.features)?),
             false => None,
         };
-        let first_features = pool.as_ref().unwrap_or(&self.pool).first_features();
-        Ok(NextFilm { film: Film::new(upload, scene, crop, &self.settings, first_features)?, pool })
+        let by_slot = pool.as_ref().unwrap_or(&self.pool).by_slot();
+        Ok(NextFilm { film: Film::new(upload, scene, crop, &self.settings, by_slot)?, pool })
     }
 
     /// Takes another film. What it returns is to be kept for as long as work may use it.
@@ -202,7 +226,7 @@ impl PathTracer {
 
     /// `samples` more samples of all pixels after the first `done`, in batches that the pool holds.
     pub fn batches(&self, done: u32, samples: u32) -> impl Iterator<Item = Batch> + use<> {
-        batches(self.film.pixel_count(), done, samples, self.pool.capacity())
+        batches(self.film.pixel_count(), done, samples, self.pool.capacity(), together(&self.settings))
     }
 
     /// Begins to record: before any other recording, once for a [`Commands`] or after commands of other makers.
@@ -263,6 +287,8 @@ impl PathTracer {
     ///                 ↑______________________|
     /// ```
     ///
+    /// Where pixels share paths, `trace_reuse` and `reuse_paths` come before `resolve`.
+    ///
     /// `reach` is told of each bounce before it begins, when all that was recorded before it is behind a barrier.
     pub fn record(&self, commands: &mut Commands, batch: &Batch, mut reach: impl FnMut(&mut Commands, u32)) {
         let mut pass = self.pass(batch);
@@ -313,6 +339,13 @@ impl PathTracer {
             }
         }
         commands.barrier();
+        if self.settings.path_reuse {
+            let pixels = batch.pixels.next_multiple_of(REUSE_SQUARE);
+            self.dispatch(commands, self.kernels.trace_reuse(), [pixels * REUSE_GROUP, batch.samples], &pass);
+            commands.barrier();
+            self.dispatch(commands, "reuse_paths", [pixels / REUSE_GROUP, batch.samples], &pass);
+            commands.barrier();
+        }
         self.dispatch(commands, "resolve", [batch.pixels, 1], &pass);
         commands.barrier();
     }
@@ -352,9 +385,18 @@ fn crop_of(scene: &Scene, settings: &Settings) -> Result<Crop, Error> {
 }
 
 /// As many paths, or fewer where a pass over so small a film has no more.
-fn useful_paths(most: u32, crop: &Crop) -> u32 {
+fn useful_paths(most: u32, crop: &Crop, settings: &Settings) -> u32 {
     let longest_pass = crop.pixel_count().saturating_mul(u64::from(super::session::LONGEST_PASS));
-    u64::from(most).min(longest_pass) as u32
+    u64::from(most).min(longest_pass).max(u64::from(together(settings))) as u32
+}
+
+fn paths_shared_by(settings: &Settings) -> u32 {
+    if settings.path_reuse { REUSE_GROUP } else { 1 }
+}
+
+/// Pixels that a batch has all of or none of, counted from the first.
+fn together(settings: &Settings) -> u32 {
+    if settings.path_reuse { REUSE_SQUARE } else { 1 }
 }
 
 fn traversal_for(device: &Device, wanted: Option<Traversal>) -> Result<Traversal, Error> {
@@ -386,11 +428,19 @@ impl Batch {
     }
 }
 
-/// Cuts `samples` samples of each pixel into batches of at most `capacity` paths, samples of a pixel side by side.
-fn batches(pixel_count: u64, first_sample: u32, samples: u32, capacity: u32) -> impl Iterator<Item = Batch> {
-    (0..samples).step_by(capacity as usize).flat_map(move |done| {
-        let chunk = (samples - done).min(capacity);
-        let pixels = u64::from(capacity / chunk).min(pixel_count);
+/// Cuts `samples` samples of each pixel into batches of at most `capacity` paths (≥ `together`), samples of a pixel side by side, and so
+/// many pixels in one batch.
+fn batches(
+    pixel_count: u64,
+    first_sample: u32,
+    samples: u32,
+    capacity: u32,
+    together: u32,
+) -> impl Iterator<Item = Batch> {
+    let most_samples = capacity / together;
+    (0..samples).step_by(most_samples as usize).flat_map(move |done| {
+        let chunk = (samples - done).min(most_samples);
+        let pixels = u64::from(capacity / chunk / together * together).min(pixel_count);
         (0..pixel_count).step_by(pixels as usize).map(move |first_pixel| Batch {
             first_pixel: first_pixel as u32,
             pixels: pixels.min(pixel_count - first_pixel) as u32,
@@ -407,12 +457,20 @@ mod tests {
     /// Whatever the pool holds, every sample of every pixel is in exactly one batch, and none overfills the pool.
     #[test]
     fn batches_cover_each_sample_once() {
-        for (pixels, samples, capacity) in
-            [(10, 3, 1), (10, 3, 7), (10, 16, 5), (1, 100, 64), (1000, 16, 4096), (7, 1, 7)]
-        {
+        for (pixels, samples, capacity, together) in [
+            (10, 3, 1, 1),
+            (10, 3, 7, 1),
+            (10, 16, 5, 1),
+            (1, 100, 64, 1),
+            (1000, 16, 4096, 1),
+            (7, 1, 7, 1),
+            (7, 3, 64, 64),
+            (1000, 16, 4000, 64),
+        ] {
             let mut taken = vec![0; (pixels * u64::from(samples)) as usize];
-            for batch in batches(pixels, 5, samples, capacity) {
+            for batch in batches(pixels, 5, samples, capacity, together) {
                 assert!(batch.pixels * batch.samples <= capacity);
+                assert_eq!(batch.first_pixel % together, 0);
                 for pixel in batch.first_pixel..batch.first_pixel + batch.pixels {
                     for sample in batch.first_sample..batch.first_sample + batch.samples {
                         taken[(pixel * samples + sample - 5) as usize] += 1;

@@ -29,6 +29,9 @@ const QUEUE_SHADE: u32 = 3;
 const MOST_QUEUES: u32 = 32;
 const _: () = assert!(QUEUE_SHADE + Family::ALL.len() as u32 + Features::MOST_NEUBRDF_QUEUES - 1 <= MOST_QUEUES);
 
+/// Groups of four numbers that `glsl/lib/reuse.glsl` keeps of a path.
+const REUSE_FIELDS: u64 = 8;
+
 /// How many queues a bounce has.
 fn queue_count(features: &Features) -> u32 {
     QUEUE_SHADE + features.families.count_ones() + features.neubrdf_queues - 1
@@ -51,8 +54,7 @@ impl Queue {
 pub struct Pool {
     capacity: u32,
     table: PathPool,
-    first_albedo: u64,
-    first_normal: u64,
+    by_slot: [u64; 3],
     features: Features,
     counters: Buffer,
     empty_counters: Arc<Buffer>,
@@ -93,9 +95,12 @@ impl Pool {
             queue: array("queues", 4 * queues, true)?,
             counters: counters.address(),
         };
-        let first_albedo = array("first albedos", 16, settings.features)?;
-        let first_normal = array("first normals", 16, settings.features)?;
-        Ok(Pool { capacity, table, features: *features, first_albedo, first_normal, counters, empty_counters, arrays })
+        let by_slot = [
+            array("first albedos", 16, settings.features)?,
+            array("first normals", 16, settings.features)?,
+            array("path reuse", 16 * REUSE_FIELDS, settings.path_reuse)?,
+        ];
+        Ok(Pool { capacity, table, features: *features, by_slot, counters, empty_counters, arrays })
     }
 
     /// Paths in flight.
@@ -113,9 +118,10 @@ impl Pool {
         self.table
     }
 
-    /// Where the kernels keep the albedo and the normal that each path saw first; 0 without feature channels.
-    pub fn first_features(&self) -> [u64; 2] {
-        [self.first_albedo, self.first_normal]
+    /// Where the kernels keep the albedo and the normal that each path saw first, 0 without feature channels, and what it shares with others, 0 where it
+    /// shares nothing.
+    pub fn by_slot(&self) -> [u64; 3] {
+        self.by_slot
     }
 
     /// Empties all queues of all bounces.

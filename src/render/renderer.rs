@@ -199,8 +199,9 @@ impl Renderer {
     pub fn picture(&self) -> Result<(Picture, Metadata), Error> {
         let (film, settings) = (self.tracer.film(), self.tracer.settings());
         let crop = film.crop();
-        let picture =
+        let mut picture =
             film::picture(crop.width, crop.height, self.samples, &film.pixels().read()?, &film.read_features()?);
+        picture.paths_shared_by = self.tracer.paths_shared_by();
         let metadata = Metadata {
             scene_hash: self.identity.scene.clone(),
             spp: u64::from(self.samples),

@@ -61,6 +61,9 @@ pub struct Settings {
     pub light_sampling: bool,
     /// How directions are picked.
     pub bsdf_sampling: BsdfSampling,
+    /// Whether pixels share what falls on diffuse surfaces that they see, from diffuse surfaces: less noise of indirect light, and that of
+    /// neighbours is alike. As unbiased as without. Not where materials have holes, nor with [`BsdfSampling::Uniform`].
+    pub path_reuse: bool,
     /// How numbers of NeuBRDFs are held on the device; `None` is half precision where that loses nothing.
     pub neubrdf_precision: Option<Precision>,
 }
@@ -84,6 +87,7 @@ impl Default for Settings {
             features: true,
             light_sampling: true,
             bsdf_sampling: BsdfSampling::Lobe,
+            path_reuse: false,
             neubrdf_precision: None,
         }
     }

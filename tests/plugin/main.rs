@@ -14,11 +14,12 @@ mod mistakes;
 mod targets;
 
 use changes::orbit;
-use frames::{alone, bits, expected, frame, picture_of, renderer, scene, submit, wait};
+use frames::{alone, bits, expected, frame, options_of, picture_of, renderer, scene, submit, wait};
 use glam::{Affine3A, Vec3};
 use host::{Recording, in_every_host, in_lavapipe_hosts};
 use neubrdf::gpu::{self, Commands, HostBuffer};
 use neubrdf::plugin::{Change, Error, Frame, PixelFormat, Renderer, Target};
+use neubrdf::render;
 use neubrdf::scene::{Film, Scene};
 
 #[test]
@@ -48,6 +49,25 @@ fn frames_are_the_bits_of_the_path_tracer_on_its_own() {
         // No more samples: the same picture again.
         let (picture, status) = frame(host, &device, &mut renderer, 0);
         assert!(picture == picture_of(&alone) && status.samples == total);
+    });
+}
+
+/// Groups of pixels that share paths stay whole, whatever the film's size and however few paths there are.
+#[test]
+fn frames_that_share_paths_are_those_of_the_path_tracer_on_its_own() {
+    in_lavapipe_hosts(|host| {
+        let device = host.lend();
+        let mut options = options_of(host);
+        options.settings.path_reuse = true;
+        let mut renderer = Renderer::new(&device, scene(), &options).unwrap();
+        for [width, height] in [[40, 30], [17, 11], [90, 20]] {
+            renderer.resize(width, height).unwrap();
+            let scene = Scene { film: Film { width, height }, ..scene() };
+            let alone = render::Options { traversal: options.traversal, pool_paths: None };
+            let mut alone = render::Renderer::new(&host.lend_with_queue(), &scene, &options.settings, &alone).unwrap();
+            alone.render_pass(5).unwrap();
+            assert!(frame(host, &device, &mut renderer, 5).0 == picture_of(&alone), "{width}x{height}");
+        }
     });
 }
 

@@ -94,6 +94,7 @@ impl<'a> Engine<'a> {
                     bsdf_sampling: method.bsdf_sampling,
                     neubrdf_precision: method.precision,
                     clamp_indirect: method.clamp_indirect,
+                    path_reuse: method.path_reuse,
                     ..Settings::default()
                 };
                 let options = Options { traversal: method.traversal, pool_paths: method.pool };

@@ -32,6 +32,8 @@ pub struct Method {
     pub light_sampling: bool,
     /// How directions are picked.
     pub bsdf_sampling: BsdfSampling,
+    /// Whether neighbouring pixels share paths.
+    pub path_reuse: bool,
     /// How numbers of NeuBRDFs are held; `None`: in half precision where that loses nothing.
     pub precision: Option<Precision>,
     /// Paths in flight; `None`: what suits the device.
@@ -63,10 +65,13 @@ pub struct Axes {
     pub model: Vec<String>,
     /// Radiances, `off`.
     pub clamp_indirect: Vec<String>,
+    /// `on`, `off`.
+    #[serde(default)]
+    pub path_reuse: Vec<String>,
 }
 
 /// The names of the axes, as flags and study files have them.
-pub const AXES: [&str; 9] = [
+pub const AXES: [&str; 10] = [
     "device",
     "traversal",
     "sampler",
@@ -76,6 +81,7 @@ pub const AXES: [&str; 9] = [
     "pool",
     "model",
     "clamp-indirect",
+    "path-reuse",
 ];
 
 impl Axes {
@@ -91,6 +97,7 @@ impl Axes {
             "pool" => &mut self.pool,
             "model" => &mut self.model,
             "clamp-indirect" => &mut self.clamp_indirect,
+            "path-reuse" => &mut self.path_reuse,
             _ => return None,
         })
     }
@@ -114,11 +121,7 @@ impl Axes {
         let samplers = choices("sampler", &self.sampler, "sobol", |word| {
             word.parse::<Sampler>().map_err(|unknown| unknown.expected)
         })?;
-        let light = choices("light-sampling", &self.light_sampling, "on", |word| match word {
-            "on" => Ok(true),
-            "off" => Ok(false),
-            _ => Err("on or off"),
-        })?;
+        let light = choices("light-sampling", &self.light_sampling, "on", on_or_off)?;
         let bsdf = choices("bsdf-sampling", &self.bsdf_sampling, "lobe", |word| {
             word.parse::<BsdfSampling>().map_err(|unknown| unknown.expected)
         })?;
@@ -143,6 +146,7 @@ impl Axes {
                 _ => Err("a radiance above 0, or off"),
             },
         })?;
+        let reuse = choices("path-reuse", &self.path_reuse, "off", on_or_off)?;
 
         let mut product = vec![Method::plain(Engine::Embree, None)];
         multiply(&mut product, models, |method, model| method.model = model);
@@ -154,6 +158,7 @@ impl Axes {
         multiply(&mut product, precisions, |method, precision| method.precision = precision);
         multiply(&mut product, pools, |method, pool| method.pool = pool);
         multiply(&mut product, limits, |method, limit| method.clamp_indirect = limit);
+        multiply(&mut product, reuse, |method, path_reuse| method.path_reuse = path_reuse);
 
         let mut methods: Vec<Method> = vec![];
         for method in product.into_iter().map(Method::without_idle_choices) {
@@ -191,6 +196,14 @@ fn choices<T>(
     }
 }
 
+fn on_or_off(word: &str) -> Result<bool, &'static str> {
+    match word {
+        "on" => Ok(true),
+        "off" => Ok(false),
+        _ => Err("on or off"),
+    }
+}
+
 /// Each method with each value of an axis.
 fn multiply<T: Clone>(methods: &mut Vec<Method>, values: Vec<T>, set: impl Fn(&mut Method, T)) {
     let with = |method: &Method, value: &T| {
@@ -210,6 +223,7 @@ impl Method {
             sampler: None,
             light_sampling: true,
             bsdf_sampling: BsdfSampling::Lobe,
+            path_reuse: false,
             precision: None,
             pool: None,
             model,
@@ -226,7 +240,8 @@ impl Method {
     }
 
     /// Each axis by name, with its value in words.
-    pub fn words(&self) -> [(&'static str, String); 9] {
+    pub fn words(&self) -> [(&'static str, String); 10] {
+        let on_or_off = |on: bool| String::from(if on { "on" } else { "off" });
         let auto = |word: Option<String>| word.unwrap_or_else(|| "auto".into());
         [
             (
@@ -239,12 +254,13 @@ impl Method {
             ),
             ("traversal", auto(self.traversal.map(|traversal| traversal.to_string()))),
             ("sampler", self.sampler.map_or("independent".into(), |sampler| sampler.to_string())),
-            ("light-sampling", if self.light_sampling { "on".into() } else { "off".into() }),
+            ("light-sampling", on_or_off(self.light_sampling)),
             ("bsdf-sampling", self.bsdf_sampling.to_string()),
             ("precision", auto(self.precision.map(|precision| precision.to_string()))),
             ("pool", auto(self.pool.map(|paths| paths.to_string()))),
             ("model", self.model.clone().unwrap_or_else(|| "truth".into())),
             ("clamp-indirect", self.clamp_indirect.map_or("off".into(), |limit| limit.to_string())),
+            ("path-reuse", on_or_off(self.path_reuse)),
         ]
     }
 
@@ -255,6 +271,7 @@ impl Method {
             ("bsdf-sampling", word) => format!("{word} directions"),
             ("pool", word) => format!("pool {word}"),
             ("clamp-indirect", word) => format!("clamp {word}"),
+            ("path-reuse", word) => format!("reuse {word}"),
             (_, word) => word.clone(),
         };
         let idle = |axis: usize| !matches!(self.engine, Engine::Vulkan(_)) && AXES[axis] != "model";
@@ -266,15 +283,19 @@ impl Method {
 }
 
 /// All that there is to know about it, fit for a file's name: `llvmpipe+bvh+sobol+on+lobe+auto+auto+truth`, and the limit of indirect
-/// light where there is one.
+/// light and `on` for paths that are reused, where there is such a thing.
 impl fmt::Display for Method {
     fn fmt(&self, out: &mut fmt::Formatter) -> fmt::Result {
         let plain = |word: &str| -> String {
             word.chars().map(|char| if char.is_alphanumeric() || "-._".contains(char) { char } else { '_' }).collect()
         };
         let words = self.words().map(|(_, word)| plain(&word));
-        // Without a limit, the names of records that knew of none.
-        let told = if self.clamp_indirect.is_none() { AXES.len() - 1 } else { AXES.len() };
+        // Without either, the names of records that knew of neither.
+        let told = match (self.clamp_indirect, self.path_reuse) {
+            (_, true) => AXES.len(),
+            (Some(_), false) => AXES.len() - 1,
+            (None, false) => AXES.len() - 2,
+        };
         out.write_str(&words[..told].join("+"))
     }
 }
@@ -295,14 +316,16 @@ mod tests {
             sampler: words(&["sobol", "pcg"]),
             light_sampling: words(&["on", "off"]),
             clamp_indirect: words(&["off", "10"]),
+            path_reuse: words(&["off", "on"]),
             ..Axes::default()
         };
         let methods = axes.methods().unwrap();
-        assert_eq!(methods.len(), 2 * 2 * 2 * 2 + 1);
+        assert_eq!(methods.len(), 2 * 2 * 2 * 2 * 2 + 1);
         assert_eq!(methods[0].to_string(), "llvmpipe+bvh+sobol+on+lobe+auto+auto+truth");
-        assert_eq!(methods[1].to_string(), "llvmpipe+bvh+sobol+on+lobe+auto+auto+truth+10");
-        assert_eq!(methods[1].label(&methods), "llvmpipe, bvh, sobol, lights on, clamp 10");
-        assert_eq!(methods[16].label(&methods), "embree");
+        assert_eq!(methods[1].to_string(), "llvmpipe+bvh+sobol+on+lobe+auto+auto+truth+off+on");
+        assert_eq!(methods[2].to_string(), "llvmpipe+bvh+sobol+on+lobe+auto+auto+truth+10");
+        assert_eq!(methods[2].label(&methods), "llvmpipe, bvh, sobol, lights on, clamp 10, reuse off");
+        assert_eq!(methods[32].label(&methods), "embree");
         let mut names: Vec<String> = methods.iter().map(|method| method.label(&methods)).collect();
         names.sort();
         names.dedup();
@@ -319,6 +342,7 @@ mod tests {
             ("precision", "bf16", "f32, f16 or auto"),
             ("pool", "0", "at least 1"),
             ("clamp-indirect", "0", "above 0, or off"),
+            ("path-reuse", "yes", "on or off"),
         ] {
             let mut axes = Axes::default();
             *axes.axis_mut(axis).unwrap() = words(&[word]);

@@ -489,6 +489,7 @@ pub fn average(pictures: &[Picture]) -> Option<Picture> {
         }
     }
     let mut picture = Picture::new(first.width, first.height);
+    picture.paths_shared_by = pictures.iter().map(|picture| picture.paths_shared_by).max().unwrap_or(1);
     let narrow = |plane: &[[f64; 3]]| plane.iter().map(|pixel| pixel.map(|value| value as f32)).collect::<Vec<_>>();
     picture.set_rgb(plane::BEAUTY, &narrow(&mean));
     if has_variance || pictures.len() > 1 {
