@@ -79,15 +79,35 @@ impl Ladder {
     }
 }
 
-pub fn run() -> Result<()> {
-    climb("cornell", &crate::load("cornell")?, "cornell")
+/// A scene and how it is rendered, and in words what is particular about that.
+pub struct Ours {
+    pub words: &'static str,
+    pub scene: Scene,
+    pub settings: Settings,
 }
 
-/// Renders a scene, and what Mitsuba makes of `for_mitsuba`, with more and more samples.
-pub fn climb(name: &str, scene: &Scene, for_mitsuba: impl AsRef<OsStr>) -> Result<()> {
+impl Ours {
+    /// By the sampler alone.
+    pub fn plain(scene: &Scene, sampler: Sampler) -> Ours {
+        let settings = Settings { max_depth: MAX_DEPTH, sampler, features: false, ..Settings::default() };
+        Ours { words: "", scene: scene.clone(), settings }
+    }
+}
+
+pub fn run() -> Result<()> {
+    let scene = crate::load("cornell")?;
+    let plain = |sampler| Ours::plain(&scene, sampler);
+    let mut shared = Ours { words: ", paths reused", ..plain(Sampler::Sobol) };
+    shared.settings.path_reuse = true;
+    climb("cornell", &[plain(Sampler::Sobol), shared, plain(Sampler::Pcg)], "cornell")
+}
+
+/// Renders a scene, the same in all of `ours`, and what Mitsuba makes of `for_mitsuba`, with more and more samples.
+pub fn climb(name: &str, ours: &[Ours], for_mitsuba: impl AsRef<OsStr>) -> Result<()> {
     let device = Instance::new(Validation::Off)?.open(&DeviceChoice::Auto)?;
     let samples = number_from("REFERENCE_SPP", 4096)?;
     let seeds = number_from("SEEDS", 3)?.max(1);
+    let scene = &ours.first().context("nothing to render")?.scene;
     let truth = embree(scene, samples)?;
     let mut mitsuba = Mitsuba::start(Mitsuba::variant_for(&device), for_mitsuba, scene.film.width)?;
     if let Some(mitsuba) = &mut mitsuba {
@@ -98,19 +118,18 @@ pub fn climb(name: &str, scene: &Scene, for_mitsuba: impl AsRef<OsStr>) -> Resul
         println!("Mitsuba's reference of {samples} spp errs by relMSE {noise:.1e}, which is taken off.\n");
     }
 
-    let mut ours = [Sampler::Sobol, Sampler::Pcg].map(|sampler| {
-        (sampler, Ladder::new(format!("{}, {sampler}", device.driver().split(' ').next().unwrap_or("?")), &SAMPLES))
-    });
+    let driver = device.driver().split(' ').next().unwrap_or("?");
+    let ladder = |ours: &Ours| Ladder::new(format!("{driver}, {}{}", ours.settings.sampler, ours.words), &SAMPLES);
+    let mut ours: Vec<(&Ours, Ladder)> = ours.iter().map(|ours| (ours, ladder(ours))).collect();
     let peers = [("independent", SAMPLES), ("multijitter", SAMPLES), ("orthogonal", ORTHOGONAL_SAMPLES)];
     let mut peers = peers.map(|(sampler, samples)| (sampler, Ladder::new(format!("Mitsuba, {sampler}"), &samples)));
     let bar = bar(seeds as usize * SAMPLES.len() * (ours.len() + peers.len()));
     for seed in 0..seeds {
         for (rung, samples) in SAMPLES.into_iter().enumerate() {
-            for (sampler, ladder) in &mut ours {
+            for (ours, ladder) in &mut ours {
                 bar.set_message(ladder.name.clone());
-                let settings =
-                    Settings { max_depth: MAX_DEPTH, sampler: *sampler, seed, features: false, ..Settings::default() };
-                let mut renderer = Renderer::new(&device, scene, &settings, &Options::default())?;
+                let settings = Settings { seed, ..ours.settings };
+                let mut renderer = Renderer::new(&device, &ours.scene, &settings, &Options::default())?;
                 // The first pass may compile; Mitsuba's first is not timed either.
                 renderer.render_pass(1)?;
                 warm_up(device.profile(), || renderer.render_pass(1).map(drop))?;

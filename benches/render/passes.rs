@@ -18,10 +18,12 @@ const ROUNDS: usize = 5;
 
 pub fn run() -> Result<()> {
     let device = Instance::new(Validation::Off)?.open(&DeviceChoice::Auto)?;
-    for name in ["cornell", "preview", "neural", BALL] {
+    for (name, path_reuse) in
+        [("cornell", false), ("cornell", true), ("preview", false), ("neural", false), (BALL, false)]
+    {
         let mut scene = if name == BALL { scene_with_network() } else { crate::load(name)? };
         scene.film = crate::film(&device);
-        let settings = Settings { max_depth: MAX_DEPTH, features: false, ..Settings::default() };
+        let settings = Settings { max_depth: MAX_DEPTH, path_reuse, features: false, ..Settings::default() };
         let mut renderer = Renderer::new(&device, &scene, &settings, &Options::default())?;
         let bar = bar(ROUNDS);
         let (mut plain, mut timed, mut kernels) = (Vec::new(), Vec::new(), Vec::<(String, Vec<f64>)>::new());
@@ -46,7 +48,8 @@ pub fn run() -> Result<()> {
         bar.finish_and_clear();
         let all: f64 = kernels.iter().map(|(_, list)| Spread::of(list.iter().copied()).median).sum();
         println!(
-            "{name}, {}, {}, {}×{}, {SAMPLES} spp, depth {MAX_DEPTH}; median (min–max) of {ROUNDS}\n",
+            "{name}{}, {}, {}, {}×{}, {SAMPLES} spp, depth {MAX_DEPTH}; median (min–max) of {ROUNDS}\n",
+            if path_reuse { ", paths reused" } else { "" },
             device.driver(),
             renderer.traversal(),
             scene.film.width,

@@ -2,12 +2,14 @@
 
 use anyhow::Result;
 use glam::{Affine3A, Vec3};
+use neubrdf::material::fit_lobe;
+use neubrdf::render::Sampler;
 use neubrdf::scene::brdf::{CornerWeights, Dense, NeuBrdf, SphereTable};
 use neubrdf::scene::{Brdf, Camera, Color, Environment, Film, Instance, Material, Mesh, SamplingLobe, Scene, Surface};
 use serde_json::{Value, json};
 use std::sync::Arc;
 
-use crate::error::{cache_directory, climb};
+use crate::error::{Ours, cache_directory, climb};
 use crate::random_neubrdf::{Shape, random_neubrdf};
 
 /// The lobe is picked half of the time.
@@ -17,7 +19,12 @@ pub fn run() -> Result<()> {
     let brdf = network();
     let file = cache_directory()?.join("sphere.json");
     std::fs::write(&file, for_mitsuba(&brdf).to_string())?;
-    climb("sphere", &scene(brdf), &file)
+    // Files of trained networks have lobes that were fitted to them.
+    let lobe = fit_lobe(brdf.is_isotropic_about_z(), &|wo, wi| brdf.eval(wo, wi));
+    let fitted = scene(NeuBrdf { lobe, ..brdf.clone() });
+    let fitted = Ours { words: ", lobe fitted", ..Ours::plain(&fitted, Sampler::Sobol) };
+    let given = scene(brdf);
+    climb("sphere", &[Ours::plain(&given, Sampler::Sobol), fitted, Ours::plain(&given, Sampler::Pcg)], &file)
 }
 
 fn network() -> NeuBrdf {
