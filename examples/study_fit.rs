@@ -34,6 +34,9 @@ struct Arguments {
     /// Resolutions instead of the recipe's
     #[arg(long)]
     resolutions: Option<usize>,
+    /// Codes of each hemisphere's codebook instead of the recipe's
+    #[arg(long)]
+    codes: Option<usize>,
     /// Neurons of each hidden layer instead of the recipe's
     #[arg(long)]
     hidden: Option<usize>,
@@ -114,6 +117,7 @@ fn outcome(arguments: &Arguments, truth: &Truth, model: Model, recipe: Recipe) -
     if model == Model::NeuBrdf {
         plan.features = arguments.features.unwrap_or(plan.features);
         plan.resolutions = arguments.resolutions.unwrap_or(plan.resolutions);
+        plan.codes = arguments.codes.map_or(plan.codes, |codes| [codes; 2]);
         plan.hidden = arguments.hidden.unwrap_or(plan.hidden);
         plan.pruned = arguments.hidden.unwrap_or(plan.pruned);
         plan.sees_half_vector = arguments.half_vector.unwrap_or(plan.sees_half_vector);

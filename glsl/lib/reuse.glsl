@@ -16,9 +16,9 @@
 
 layout(constant_id = 39) const bool REUSES_PATHS = false;
 
-// Pixels of a group, whose samples of one index share paths, and of a square that is divided into such groups, for each sample otherwise.
-const uint REUSE_GROUP = 8u;
+// Pixels of a square, and of the groups that it is divided into, one of each row: their samples of one index share paths.
 const uint REUSE_SQUARE = BAND * BAND;
+const uint REUSE_GROUP = BAND;
 
 // Fields of a slot.
 const uint RECEIVER_POINT = 0u;       // xyz: x, just off its surface; w: albedo.r
@@ -67,12 +67,12 @@ void reuse_sender(uint slot, Surface surface) {
     set_reuse_field(slot, SENDER_NORMAL, surface.frame.normal, before.b);
 }
 
-// The slot of a place for one of the batch's samples, or one beyond all. Members of a group follow one another; each is in another row
-// of the square, and rows are shuffled, so that what members err alike looks like noise.
+// The slot of a place for one of the batch's samples, or one beyond all. Members of a group follow one another, and rows are shuffled, so
+// that what members err alike looks like noise.
 uint reuse_slot(uint place, uint sample_place) {
     uint square = place / REUSE_SQUARE;
-    uint group = place / REUSE_GROUP % REUSE_GROUP;
-    uint row = place % REUSE_GROUP;
+    uint group = place / REUSE_GROUP % BAND;
+    uint row = place % BAND;
     uint shuffle = pcg3d(uvec3(first_pixel / REUSE_SQUARE + square, 0u, film.seed)).x;
     uint column = group ^ (shuffle >> (3u * row) & 7u);
     uint pixel = square * REUSE_SQUARE + column * BAND + row;

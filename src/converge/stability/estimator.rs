@@ -3,6 +3,7 @@
 use glam::Vec3;
 
 use super::build::*;
+use super::geometry::{degenerate, moved};
 use super::{Case, Expected, Trial};
 use crate::render::BsdfSampling;
 use crate::scene::{Film, Scene, Surface};
@@ -37,11 +38,32 @@ pub fn cases() -> Vec<Case> {
             is_known_limit: false,
             trial: Trial::new(firefly_trap()).depth(8).samples(128),
         },
+        shared(
+            "shared paths in a scene of 10⁻⁴",
+            "what pixels take from one another goes by 1/r², here 10⁸ and more",
+            still_life(1e-4),
+        ),
+        shared("shared paths in a scene of 10⁷", "and here 10⁻¹⁴", still_life(1e7)),
+        shared(
+            "shared paths 10⁴ from the origin",
+            "rays between two surfaces start and end off both by what rounding may have done to either",
+            moved(still_life(1.0), at(1e4, -1e4, 1e4)),
+        ),
+        shared("shared paths at degenerate triangles", "slivers and what has no normal send and receive", degenerate()),
         sized(24, 24, 1).case("1 spp", "nothing is known of a spread"),
         sized(1, 1, 16).case("1 × 1 pixels", "less than a workgroup"),
         sized(16_384, 1, 5).case("16384 × 1 pixels", "more than a pool, in one row"),
         sized(37, 29, 3).case("37 × 29 pixels", "no multiple of any workgroup"),
     ]
+}
+
+/// All diffuse, under a sky: so little noise that the test is of small blocks.
+fn shared(name: &'static str, why: &'static str, mut scene: Scene) -> Case {
+    scene.materials[1] = material(diffuse(0.7));
+    scene.environment = Some(crate::scene::Environment::constant(Vec3::splat(0.3)));
+    let mut trial = Trial::new(scene).samples(512);
+    trial.settings.path_reuse = true;
+    trial.case(name, why)
 }
 
 fn strategy(bsdf_sampling: BsdfSampling) -> Trial {

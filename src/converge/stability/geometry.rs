@@ -133,7 +133,7 @@ pub fn cases() -> Vec<Case> {
     ]
 }
 
-fn degenerate() -> Scene {
+pub fn degenerate() -> Scene {
     let mut scene = still_life(1.0);
     let positions = [
         at(-1.0, 0.5, 1.0),
@@ -190,7 +190,7 @@ fn floor_and_lamp() -> Scene {
     )
 }
 
-fn moved(mut scene: Scene, by: Vec3) -> Scene {
+pub fn moved(mut scene: Scene, by: Vec3) -> Scene {
     scene.meshes.iter_mut().flat_map(|mesh| &mut mesh.positions).for_each(|position| *position += by);
     scene.camera.eye += by;
     scene.camera.target += by;
