@@ -199,14 +199,15 @@ fn a_z_test_knows_that_pixels_err_alike() {
 #[test]
 fn what_shares_no_paths_builds_nothing_for_it() {
     let scene = cornell(8);
-    let names = |path_reuse| {
-        let settings = Settings { path_reuse, ..settings() };
+    let names = |path_reuse, max_depth| {
+        let settings = Settings { path_reuse, max_depth, ..settings() };
         let plans = Features::of(&scene, &LightTable::new(&scene)).kernels(Traversal::Bvh, &settings, 64);
         plans.into_iter().map(|plan| plan.name).collect::<Vec<_>>()
     };
     let without = ["generate", "trace_closest_bvh", "shade_diffuse", "trace_shadow_bvh", "resolve", "estimate_error"];
-    assert_eq!(names(false), without);
-    assert_eq!(names(true), [&without[..4], &["trace_reuse_bvh", "reuse_paths"], &without[4..]].concat());
+    assert_eq!(names(false, 6), without);
+    assert_eq!(names(true, 2), without, "nothing but direct light");
+    assert_eq!(names(true, 6), [&without[..4], &["trace_reuse_bvh", "reuse_paths"], &without[4..]].concat());
 }
 
 #[test]

@@ -695,7 +695,7 @@ typedef struct NeubrdfOptions {
    */
   uint32_t traversal;
   /**
-   * Paths in flight, which bound the memory, 100 to 200 bytes each; 0 takes what suits the device.
+   * Paths in flight, which bound the memory, 100 to 200 bytes each, 128 more where paths are shared; 0 takes what suits the device.
    */
   uint32_t pool_paths;
   /**

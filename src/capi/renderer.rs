@@ -113,7 +113,7 @@ pub struct NeubrdfOptions {
     pub sampler: u32,
     /// A NeubrdfTraversal.
     pub traversal: u32,
-    /// Paths in flight, which bound the memory, 100 to 200 bytes each; 0 takes what suits the device.
+    /// Paths in flight, which bound the memory, 100 to 200 bytes each, 128 more where paths are shared; 0 takes what suits the device.
     pub pool_paths: u32,
     /// Recordings that may be pending at once; 0 is 3.
     pub frames_in_flight: u32,

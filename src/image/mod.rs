@@ -1,7 +1,8 @@
 //! Pictures in memory and on disk: EXR with named planes and render metadata, tone-mapped PNG.
 //!
 //! Nothing here knows how a picture came to be. Files are written beside their target and renamed
-//! ([`atomic_write`]), so an interrupted run leaves the old file or the new one, never half of one.
+//! ([`atomic_write`]), so an interrupted run leaves the old file or the new one, never half of one; what is to be gone on with
+//! is sealed by a hash ([`write_sealed`]).
 
 mod atomic;
 mod exr_file;

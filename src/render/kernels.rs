@@ -206,8 +206,8 @@ impl Features {
             (14, settings.bsdf_sampling as u32),
             (26, self.neubrdf_queues),
             // Directions that are shared have the density that their material says.
-            (27, settings.roulette_after.max(u32::from(settings.path_reuse))),
-            flag(39, settings.path_reuse),
+            (27, settings.roulette_after.max(u32::from(settings.shares_paths()))),
+            flag(39, settings.shares_paths()),
             (35, settings.clamp_indirect.unwrap_or(0.0).to_bits()),
             // Without light samples a vertex evaluates the direction that it goes on to, and no other.
             (34, if samples_lights { 2 } else { 1 }),
@@ -224,8 +224,8 @@ impl Features {
         .chain(Family::ALL.map(|family| self.has(family).then_some(shade_kernel(family))))
         .chain([
             samples_lights.then_some(shadow),
-            settings.path_reuse.then_some(reuse),
-            settings.path_reuse.then_some("reuse_paths"),
+            settings.shares_paths().then_some(reuse),
+            settings.shares_paths().then_some("reuse_paths"),
             Some("resolve"),
             Some("estimate_error"),
         ]);

@@ -339,7 +339,7 @@ impl PathTracer {
             }
         }
         commands.barrier();
-        if self.settings.path_reuse {
+        if self.settings.shares_paths() {
             let pixels = batch.pixels.next_multiple_of(REUSE_SQUARE);
             self.dispatch(commands, self.kernels.trace_reuse(), [pixels * REUSE_GROUP, batch.samples], &pass);
             commands.barrier();
@@ -391,12 +391,12 @@ fn useful_paths(most: u32, crop: &Crop, settings: &Settings) -> u32 {
 }
 
 fn paths_shared_by(settings: &Settings) -> u32 {
-    if settings.path_reuse { REUSE_GROUP } else { 1 }
+    if settings.shares_paths() { REUSE_GROUP } else { 1 }
 }
 
 /// Pixels that a batch has all of or none of, counted from the first.
 fn together(settings: &Settings) -> u32 {
-    if settings.path_reuse { REUSE_SQUARE } else { 1 }
+    if settings.shares_paths() { REUSE_SQUARE } else { 1 }
 }
 
 fn traversal_for(device: &Device, wanted: Option<Traversal>) -> Result<Traversal, Error> {

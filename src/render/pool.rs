@@ -98,7 +98,7 @@ impl Pool {
         let by_slot = [
             array("first albedos", 16, settings.features)?,
             array("first normals", 16, settings.features)?,
-            array("path reuse", 16 * REUSE_FIELDS, settings.path_reuse)?,
+            array("path reuse", 16 * REUSE_FIELDS, settings.shares_paths())?,
         ];
         Ok(Pool { capacity, table, features: *features, by_slot, counters, empty_counters, arrays })
     }

@@ -73,6 +73,11 @@ impl Settings {
     pub const ROULETTE_AFTER: u32 = 3;
     /// The largest [`Settings::max_depth`].
     pub const DEEPEST: u32 = 65_535;
+
+    /// Whether pixels have paths to share: the third segment is the first that more than one of them can use.
+    pub(super) fn shares_paths(&self) -> bool {
+        self.path_reuse && self.max_depth > 2
+    }
 }
 
 impl Default for Settings {
