@@ -11,9 +11,6 @@ void main() {
     uint group = gl_GlobalInvocationID.x / samples_per_pixel;
     uint sample_place = gl_GlobalInvocationID.x - group * samples_per_pixel;
     uint first = group * REUSE_GROUP;
-    if (first >= reuse_places()) {
-        return;
-    }
     vec3 received[REUSE_GROUP];
     for (uint k = 0u; k < REUSE_GROUP; ++k) {
         received[k] = vec3(0.0);

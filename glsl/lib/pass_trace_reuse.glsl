@@ -24,8 +24,8 @@ void pass_trace_reuse() {
     uint path = pair / REUSE_GROUP;
     uint place = path / samples_per_pixel;
     uint sample_place = path - place * samples_per_pixel;
-    uint sender = place < reuse_places() ? reuse_slot(place, sample_place) : ~0u;
-    uint receiver = place < reuse_places() ? reuse_slot(place / REUSE_GROUP * REUSE_GROUP + member, sample_place) : ~0u;
+    uint sender = reuse_slot(place, sample_place);
+    uint receiver = reuse_slot(place / REUSE_GROUP * REUSE_GROUP + member, sample_place);
     bool is_pair = sender != ~0u && receiver != ~0u;
     // All invocations look, and trace: most loads come before control flow begins, and a traversal may need the whole subgroup.
     uint from = sender == ~0u ? 0u : sender;

@@ -79,9 +79,4 @@ uint reuse_slot(uint place, uint sample_place) {
     return pixel < pixel_count ? pixel * samples_per_pixel + sample_place : ~0u;
 }
 
-// Squares that a batch touches, in pixels.
-uint reuse_places() {
-    return (pixel_count + REUSE_SQUARE - 1u) / REUSE_SQUARE * REUSE_SQUARE;
-}
-
 #endif

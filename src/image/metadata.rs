@@ -46,6 +46,12 @@ pub struct Metadata {
 /// Attribute names begin with this.
 const PREFIX: &str = "neubrdf.";
 
+/// A custom attribute by its name without [`PREFIX`].
+fn find<'a>(attributes: &'a HashMap<Text, AttributeValue>, name: &str) -> Option<&'a AttributeValue> {
+    let name = format!("{PREFIX}{name}");
+    attributes.iter().find(|(key, _)| key.bytes() == name.as_bytes()).map(|(_, value)| value)
+}
+
 impl Metadata {
     /// The custom attributes; the windows have their own place in the header.
     pub(super) fn attributes(&self, paths_shared_by: u32) -> HashMap<Text, AttributeValue> {
@@ -80,9 +86,7 @@ impl Metadata {
 
     /// [`crate::image::Picture::paths_shared_by`]
     pub(super) fn paths_shared_by(attributes: &HashMap<Text, AttributeValue>) -> u32 {
-        let name = format!("{PREFIX}pathsSharedBy");
-        let value = attributes.iter().find(|(key, _)| key.bytes() == name.as_bytes()).map(|(_, value)| value);
-        match value {
+        match find(attributes, "pathsSharedBy") {
             Some(AttributeValue::Text(text)) => text.to_string().parse().unwrap_or(1).max(1),
             _ => 1,
         }
@@ -90,10 +94,7 @@ impl Metadata {
 
     /// Reads the custom attributes; those of another type than ours are ignored.
     pub(super) fn from_attributes(attributes: &HashMap<Text, AttributeValue>) -> Metadata {
-        let find = |name: &str| {
-            let name = format!("{PREFIX}{name}");
-            attributes.iter().find(|(key, _)| key.bytes() == name.as_bytes()).map(|(_, value)| value)
-        };
+        let find = |name: &str| find(attributes, name);
         let text = |name: &str| match find(name) {
             Some(AttributeValue::Text(text)) => text.to_string(),
             _ => String::new(),

@@ -154,11 +154,6 @@ impl PathTracer {
         &self.film
     }
 
-    /// Pixels that share each path.
-    pub fn paths_shared_by(&self) -> u32 {
-        paths_shared_by(&self.settings)
-    }
-
     /// Bytes on the device that hold paths in flight.
     pub fn pool_bytes(&self) -> u64 {
         self.pool.bytes()
@@ -386,11 +381,14 @@ fn crop_of(scene: &Scene, settings: &Settings) -> Result<Crop, Error> {
 
 /// As many paths, or fewer where a pass over so small a film has no more.
 fn useful_paths(most: u32, crop: &Crop, settings: &Settings) -> u32 {
-    let longest_pass = crop.pixel_count().saturating_mul(u64::from(super::session::LONGEST_PASS));
-    u64::from(most).min(longest_pass).max(u64::from(together(settings))) as u32
+    let together = together(settings);
+    let pixels = crop.pixel_count().next_multiple_of(u64::from(together));
+    let longest_pass = pixels.saturating_mul(u64::from(super::session::LONGEST_PASS));
+    u64::from(most.max(together)).min(longest_pass) as u32
 }
 
-fn paths_shared_by(settings: &Settings) -> u32 {
+/// Pixels that share each path.
+pub fn paths_shared_by(settings: &Settings) -> u32 {
     if settings.shares_paths() { REUSE_GROUP } else { 1 }
 }
 

@@ -6,7 +6,7 @@ use super::checkpoint::{Checkpoint, Identity};
 use super::error::Error;
 use super::film;
 use super::kernels::Features;
-use super::path_tracer::{Batch, ERROR_WORKGROUPS, PathTracer};
+use super::path_tracer::{Batch, ERROR_WORKGROUPS, PathTracer, paths_shared_by};
 use super::settings::{Settings, Traversal};
 use crate::gpu::{Buffer, Commands, Device, Memory, Upload};
 use crate::image::{Metadata, Picture};
@@ -201,7 +201,7 @@ impl Renderer {
         let crop = film.crop();
         let mut picture =
             film::picture(crop.width, crop.height, self.samples, &film.pixels().read()?, &film.read_features()?);
-        picture.paths_shared_by = self.tracer.paths_shared_by();
+        picture.paths_shared_by = paths_shared_by(settings);
         let metadata = Metadata {
             scene_hash: self.identity.scene.clone(),
             spp: u64::from(self.samples),
