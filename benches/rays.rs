@@ -197,7 +197,7 @@ fn median(times: &mut [f64]) -> Option<f64> {
     times.get(times.len() / 2).copied()
 }
 
-/// Camera rays, one diffuse bounce of each, and a shadow ray to an area light.
+/// Camera rays, one diffuse bounce of each, and a shadow ray to an area light; pixels in the renderer's order, down bands of 8 rows.
 fn ray_sets(mesh: &Mesh, size: u32) -> [(&'static str, Query, Vec<Ray>); 3] {
     let bvh = Bvh::over_triangles(mesh);
     let (center, radius) = (bvh.bounds.center(), bvh.bounds.radius());
@@ -222,7 +222,8 @@ fn ray_sets(mesh: &Mesh, size: u32) -> [(&'static str, Query, Vec<Ray>); 3] {
         (state >> 40) as f32 / (1 << 24) as f32
     };
     for index in 0..size * size {
-        let [x, y] = [index % size, index / size].map(|i| ((i as f32 + random()) / size as f32 * 2.0 - 1.0) * half);
+        let pixel = [index / 8 % size, index / (8 * size) * 8 + index % 8];
+        let [x, y] = pixel.map(|i| ((i as f32 + random()) / size as f32 * 2.0 - 1.0) * half);
         let direction = (forward + right * x - up * y).normalize();
         camera.push(ray(eye, direction, f32::INFINITY));
         let Some(hit) = bvh.closest(mesh, eye, direction, f32::INFINITY) else { continue };

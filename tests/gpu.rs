@@ -118,6 +118,29 @@ fn a_kernel_follows_device_addresses_from_buffer_to_buffer() {
 }
 
 #[test]
+fn buffers_of_cpu_drivers_keep_the_upper_half_of_their_addresses() {
+    on_every_device(|device| {
+        if !device.profile().is_cpu {
+            return;
+        }
+        // Side by side they are more than 4 GiB, of which nothing is touched.
+        let bytes = 512 << 20;
+        let buffers: Result<Vec<Buffer>, _> =
+            (0..9).map(|i| Buffer::new(device, &format!("half a gibibyte {i}"), bytes, Memory::Device)).collect();
+        match buffers {
+            Ok(buffers) => {
+                for buffer in buffers {
+                    assert_eq!(buffer.address() >> 32, (buffer.address() + bytes - 1) >> 32, "{:x}", buffer.address());
+                }
+            }
+            Err(error) => println!("skipped on {}: {error}", device.name()),
+        }
+        let too_large = Buffer::new(device, "too large", (2 << 30) + 4, Memory::Device);
+        assert!(matches!(too_large, Err(Error::BufferTooLarge { .. })));
+    });
+}
+
+#[test]
 fn a_pass_decides_how_large_the_next_one_is() {
     on_every_device(|device| {
         let counters = Buffer::new(device, "counters", 16, Memory::Device).unwrap();

@@ -17,6 +17,9 @@
 #include "lib/triangle.glsl"
 
 layout(constant_id = 10) const bool IS_PACKET = false;
+// Invocations of a subgroup, if it walks as a packet: 4 or 8. (Select operations on specialization constants, and
+// arrays sized by them, are more than SwiftShader's compiler survives.)
+layout(constant_id = 11) const uint LANES = 32u;
 
 // What follows the last node: a leaf that no tree has.
 const uint END = BVH_LEAF | 7u << BVH_LEAF_COUNT_SHIFT;
@@ -36,7 +39,9 @@ struct BoxRay {
     vec3 near_scale;
     vec3 far_scale;     // 1/d
     bvec3 is_negative;
-    uint octant;        // of the direction of a packet's first ray
+    // Where a node keeps the order of its children for the octant of a packet's first ray: the lane and the bit.
+    uint order_lane;
+    uint order_shift;
 };
 
 BoxRay box_ray(vec3 origin, vec3 direction) {
@@ -50,7 +55,9 @@ BoxRay box_ray(vec3 origin, vec3 direction) {
     ray.is_negative = lessThan(ray.far_scale, vec3(0.0));
     if (IS_PACKET) {
         uvec3 sign = uvec3(ray.is_negative);
-        ray.octant = subgroupShuffle(sign.x | sign.y << 1 | sign.z << 2, 0u);
+        uint octant = subgroupShuffle(sign.x | sign.y << 1 | sign.z << 2, 0u);
+        ray.order_lane = 28u % LANES + octant / 4u;
+        ray.order_shift = 8u * (octant % 4u);
     }
     return ray;
 }

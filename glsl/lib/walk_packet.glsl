@@ -5,9 +5,6 @@
 #ifndef LIB_WALK_PACKET
 #define LIB_WALK_PACKET
 
-// Invocations of a subgroup, if it walks as a packet: 4 or 8. (Select operations on specialization constants, and
-// arrays sized by them, are more than SwiftShader's compiler survives.)
-layout(constant_id = 11) const uint LANES = 32u;
 // Words of the stack: entries, or in a packet entries / LANES; entries are at most 96.
 layout(constant_id = 12) const uint STACK_WORDS = 96u;
 
@@ -49,12 +46,10 @@ bool nobody(bool wants) {
     return any_lane(uint(wants)) == 0u;
 }
 
-// Where this lane's words begin: what follows is at a distance from there that is known when the kernel is built. Distances in bytes fit into 32
-// bits: buffers are at most 2 GiB on lavapipe and 1 GiB on SwiftShader (maxMemoryAllocationSize, which gpu::Buffer holds to).
+// Where this lane's words begin: what follows is at a distance from there that is known when the kernel is built. No carry: on CPU drivers an
+// address keeps its upper half throughout a buffer (src/gpu/buffer.rs).
 WordArray own_words(uvec2 reference, uint first) {
-    uint carry;
-    uint low = uaddCarry(reference.x, 4u * (first + gl_SubgroupInvocationID), carry);
-    return WordArray(uvec2(low, reference.y + carry));
+    return WordArray(uvec2(reference.x + 4u * (first + gl_SubgroupInvocationID), reference.y));
 }
 
 // One plane of a child's box, for each lane its own choice of lower and upper. Both stand in eight lanes of one word or four of two.
@@ -89,7 +84,7 @@ uint visit_packet(BvhNodeArray nodes, BoxRay ray, float t_max, uint level, uint 
         hits |= is_hit ? 1u << slot : 0u;
     }
     hits = any_lane(hits);
-    uint order = subgroupShuffle(held[28u / LANES], 28u % LANES + ray.octant / 4u) >> 8u * (ray.octant % 4u);
+    uint order = subgroupShuffle(held[28u / LANES], ray.order_lane) >> ray.order_shift;
     // The next node is known before the stack is in order again: its load need not wait for that.
     uint child[4];
     bool is_met[4];
@@ -134,7 +129,8 @@ struct PacketTriangle {
 };
 
 PacketTriangle triangle_packet(LeafTriangleArray triangles, uint place) {
-    WordArray words = own_words(uvec2(triangles), place * LEAF_TRIANGLE_WORDS);
+    // place * LEAF_TRIANGLE_WORDS, which as a product takes longer, and the load waits for it.
+    WordArray words = own_words(uvec2(triangles), (place << 3) + (place << 1));
     PacketTriangle triangle;
     triangle.held[0] = words.at[0];
     if (LANES == 8u) {

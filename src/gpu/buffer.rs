@@ -15,6 +15,9 @@ use super::memory::Allocation;
 const ALIGNMENT: u64 = 256;
 /// What is copied at once through a staging buffer.
 const STAGING_BYTES: u64 = 64 << 20;
+/// On CPU drivers no buffer is larger, and none crosses a multiple of twice that: the walk of `glsl/lib/walk_packet.glsl` adds to the lower half
+/// of an address alone.
+const CPU_BYTES: u64 = 2 << 30;
 
 /// Where a buffer's memory lies.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -41,11 +44,24 @@ pub struct Buffer {
 
 impl Buffer {
     /// Makes a buffer of `bytes` bytes, for every use: storage, copies, indirect dispatch, acceleration structure input.
-    /// `name` appears in errors, validation messages and captures. Its address is a multiple of 256.
+    /// `name` appears in errors, validation messages and captures. Its address is a multiple of 256, and on CPU drivers the same in its
+    /// upper 32 bits from the first byte to the last.
     ///
     /// # Errors
     /// Out of memory, or more than the device allows in one buffer.
     pub fn new(device: &Arc<Device>, name: &str, bytes: u64, memory: Memory) -> Result<Buffer> {
+        // What crosses such a line stays there until there is one that does not.
+        let mut crossing = vec![];
+        loop {
+            let buffer = Buffer::somewhere(device, name, bytes, memory)?;
+            if !device.profile().is_cpu || !crosses(buffer.address, bytes) {
+                return Ok(buffer);
+            }
+            crossing.push(buffer);
+        }
+    }
+
+    fn somewhere(device: &Arc<Device>, name: &str, bytes: u64, memory: Memory) -> Result<Buffer> {
         use vk::BufferUsageFlags as Usage;
         let mut usage = Usage::STORAGE_BUFFER
             | Usage::TRANSFER_SRC
@@ -56,7 +72,8 @@ impl Buffer {
             usage |=
                 Usage::ACCELERATION_STRUCTURE_BUILD_INPUT_READ_ONLY_KHR | Usage::ACCELERATION_STRUCTURE_STORAGE_KHR;
         }
-        let most = device.limits().max_memory_allocation_size;
+        let limit = device.limits().max_memory_allocation_size;
+        let most = if device.profile().is_cpu { limit.min(CPU_BYTES) } else { limit };
         if bytes > most {
             let (buffer, device) = (name.to_string(), device.name().to_string());
             return Err(Error::BufferTooLarge { buffer, bytes, most, device });
@@ -246,6 +263,11 @@ impl Buffer {
         // SAFETY: as many bytes are mapped there, and are this buffer's alone.
         Some(unsafe { std::slice::from_raw_parts(self.pointer()?, self.size as usize) })
     }
+}
+
+/// Whether the upper half of an address changes within the buffer.
+fn crosses(address: u64, bytes: u64) -> bool {
+    address >> 32 != (address + bytes.max(1) - 1) >> 32
 }
 
 fn unmapped(buffer: &Buffer) -> Error {

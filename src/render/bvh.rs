@@ -1,18 +1,16 @@
 //! The bounding volume hierarchy that the compute kernels walk: four-wide nodes over triangles or over instances.
 //!
-//! `obvhs` decides which primitives stay together; the boxes, the collapse to four children and the layout are ours.
+//! `shape` says which primitives stay together; here are the boxes, the layout and the walk.
 //! Every inner node holds the boxes of its children, so that one step of a walk reads one node and tests four boxes.
 //! The device's form of the walk is `glsl/lib/trace_bvh.glsl`; [`Bvh::closest`] is the same arithmetic in plain Rust,
 //! slow, for tests.
 
-use glam::{Vec3, Vec3A};
-use obvhs::{
-    aabb::Aabb,
-    bvh2::{Bvh2, leaf_collapser::collapse, reinsertion::ReinsertionOptimizer},
-    ploc::{PlocBuilder, PlocSearchDistance, SortPrecision},
-};
+mod shape;
+
+use glam::Vec3;
 use rayon::prelude::*;
 
+use self::shape::Shape;
 use crate::scene::{Bounds, Mesh};
 
 /// Children of a node.
@@ -143,8 +141,8 @@ impl Bvh {
 
     /// A good tree if a walk through it needs no larger stack, else a balanced one.
     fn within(boxes: &[Bounds], max_leaf: u32, stack: u32) -> Bvh {
-        let bvh = Bvh::from_binary(&cluster(boxes, max_leaf), boxes);
-        if bvh.stack <= stack { bvh } else { Bvh::from_binary(&halve(boxes), boxes) }
+        let bvh = Bvh::of_shape(Shape::clustered(boxes, max_leaf), boxes);
+        if bvh.stack <= stack { bvh } else { Bvh::of_shape(Shape::balanced(boxes), boxes) }
     }
 
     /// A stack that is enough for a balanced tree over so many single boxes, wherever they lie: each level quarters them, and
@@ -167,35 +165,9 @@ impl Bvh {
         bvh
     }
 
-    /// Collapses a binary tree into a four-wide one and fits the boxes anew.
-    fn from_binary(binary: &Binary, boxes: &[Bounds]) -> Bvh {
-        let mut nodes = vec![BvhNode::EMPTY];
-        let mut open = if binary.nodes.is_empty() { vec![] } else { vec![(0, 0)] };
-        while let Some((source, target)) = open.pop() {
-            let mut children =
-                if binary.nodes[source].is_leaf() { vec![source] } else { binary.nodes[source].children().to_vec() };
-            while children.len() < WIDTH {
-                let inner = children.iter().enumerate().filter(|(_, child)| !binary.nodes[**child].is_leaf());
-                let Some((slot, _)) = inner.max_by(|a, b| binary.nodes[*a.1].area.total_cmp(&binary.nodes[*b.1].area))
-                else {
-                    break;
-                };
-                let [left, right] = binary.nodes[children[slot]].children();
-                children[slot] = left;
-                children.insert(slot + 1, right);
-            }
-            for (slot, child) in children.into_iter().enumerate() {
-                let node = binary.nodes[child];
-                nodes[target].child[slot] = if node.is_leaf() {
-                    LEAF | (node.count - 1) << LEAF_COUNT_SHIFT | node.first
-                } else {
-                    open.push((child, nodes.len()));
-                    nodes.push(BvhNode::EMPTY);
-                    (nodes.len() - 1) as u32
-                };
-            }
-        }
-        let mut bvh = Bvh { nodes, order: binary.order.clone(), bounds: Bounds::EMPTY, stack: 0 };
+    fn of_shape(shape: Shape, boxes: &[Bounds]) -> Bvh {
+        let nodes = shape.nodes.into_iter().map(|child| BvhNode { child, ..BvhNode::EMPTY }).collect();
+        let mut bvh = Bvh { nodes, order: shape.order, bounds: Bounds::EMPTY, stack: 0 };
         bvh.fit(boxes);
         bvh
     }
@@ -404,80 +376,4 @@ fn leaf_range(leaf: u32) -> std::ops::Range<usize> {
 
 fn union(a: Bounds, b: Bounds) -> Bounds {
     Bounds { min: a.min.min(b.min), max: a.max.max(b.max) }
-}
-
-/// A binary tree's shape.
-struct Binary {
-    nodes: Vec<BinaryNode>,
-    order: Vec<u32>,
-}
-
-#[derive(Clone, Copy)]
-struct BinaryNode {
-    /// Primitives of a leaf; 0 in an inner node.
-    count: u32,
-    /// The first primitive, or the first of two neighbouring children.
-    first: u32,
-    /// How much it is worth to open it early: its half area.
-    area: f32,
-}
-
-impl BinaryNode {
-    fn is_leaf(&self) -> bool {
-        self.count != 0
-    }
-
-    fn children(&self) -> [usize; 2] {
-        [self.first as usize, self.first as usize + 1]
-    }
-}
-
-/// A good tree: parallel locally-ordered clustering, reinsertion, then leaves collapsed by the surface area heuristic.
-fn cluster(boxes: &[Bounds], max_leaf: u32) -> Binary {
-    // Areas must neither overflow nor vanish: the tree's shape is found in a box of the size of one.
-    let all = boxes.iter().copied().fold(Bounds::EMPTY, union);
-    let scale = 1.0 / f64::from((all.max.as_dvec3() - all.min.as_dvec3()).max_element() as f32).clamp(1e-37, 1e38);
-    let normalise = |point: Vec3| Vec3A::from(((point.as_dvec3() - all.min.as_dvec3()) * scale).as_vec3());
-    let normal: Vec<Aabb> =
-        boxes.par_iter().map(|bounds| Aabb::new(normalise(bounds.min), normalise(bounds.max))).collect();
-    let mut tree: Bvh2 = PlocBuilder::with_capacity(normal.len()).build(
-        PlocSearchDistance::Medium,
-        &normal,
-        (0..normal.len() as u32).collect(),
-        SortPrecision::U64,
-        3,
-    );
-    let mut reinsertion = ReinsertionOptimizer::default();
-    reinsertion.run(&mut tree, 0.05, None);
-    collapse(&mut tree, max_leaf, 2.0);
-    reinsertion.run(&mut tree, 0.1, None);
-    let nodes = tree
-        .nodes
-        .par_iter()
-        .map(|node| BinaryNode { count: node.prim_count, first: node.first_index, area: node.aabb().half_area() })
-        .collect();
-    Binary { nodes, order: tree.primitive_indices }
-}
-
-/// A balanced tree, whose depth is the logarithm of the number of boxes whatever they are.
-fn halve(boxes: &[Bounds]) -> Binary {
-    let mut order: Vec<u32> = (0..boxes.len() as u32).collect();
-    let mut nodes = vec![BinaryNode { count: 0, first: 0, area: 0.0 }];
-    let mut open = vec![(0, 0..order.len())];
-    while let Some((index, range)) = open.pop() {
-        if range.len() == 1 {
-            nodes[index] = BinaryNode { count: 1, first: range.start as u32, area: 0.0 };
-            continue;
-        }
-        let center = |primitive: &u32| boxes[*primitive as usize].center();
-        let centers = order[range.clone()].iter().map(center).fold(Bounds::EMPTY, Bounds::including);
-        let axis = (centers.max / 2.0 - centers.min / 2.0).max_position();
-        let middle = range.len() / 2;
-        order[range.clone()].select_nth_unstable_by(middle, |a, b| center(a)[axis].total_cmp(&center(b)[axis]));
-        nodes[index] = BinaryNode { count: 0, first: nodes.len() as u32, area: range.len() as f32 };
-        open.push((nodes.len(), range.start..range.start + middle));
-        open.push((nodes.len() + 1, range.start + middle..range.end));
-        nodes.extend([nodes[index]; 2]);
-    }
-    Binary { nodes, order }
 }

@@ -124,30 +124,31 @@ fn a_scene_of_two_instances_may_grow() {
     });
 }
 
-/// A tree over the triangles of a cube needs more of a stack than a good one over those of the same cube, stretched.
+/// A good tree over triangles of growing distances is deeper than one over the same in even steps, and needs more of a stack.
 #[test]
 fn a_mesh_alone_may_take_another_shape() {
     in_lavapipe_hosts(|host| {
         let device = host.lend();
-        let corners = |stretch: f32| {
-            (0..8u8).map(move |corner| {
-                let bit = |axis: u8| f32::from(corner >> axis & 1);
-                Vec3::new(bit(0) + stretch * f32::from(corner.pow(2)), bit(1), bit(2))
-            })
+        let count = 24;
+        let corners = |distance: fn(i32) -> f32| {
+            let corner = move |triangle| {
+                let first = Vec3::new(-0.5, -0.5, -distance(triangle));
+                [first, first + Vec3::X, first + Vec3::Y]
+            };
+            (0..count).flat_map(corner).collect::<Vec<_>>()
         };
-        let sides = [[0, 1, 3, 2], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3], [4, 6, 7, 5]];
         let mut now = scene();
         now.meshes = vec![Mesh {
-            name: "cube".into(),
-            positions: corners(0.1).collect(),
-            triangles: sides.iter().flat_map(|[a, b, c, d]| [[*a, *b, *c], [*a, *c, *d]]).collect(),
+            name: "triangles in a row".into(),
+            positions: corners(|triangle| triangle as f32 * 0.1),
+            triangles: (0..count as u32).map(|triangle| [0, 1, 2].map(|corner| 3 * triangle + corner)).collect(),
             materials: vec![0],
             ..Mesh::default()
         }];
         now.instances.truncate(1);
         let stack = Bvh::over_triangles(&now.meshes[0]).stack;
         let mut renderer = renderer(host, &device, now.clone());
-        now.meshes[0].positions = corners(0.0).collect();
+        now.meshes[0].positions = corners(|triangle| 1.3f32.powi(triangle) * 0.1);
         assert!(Bvh::over_triangles_within(&now.meshes[0], stack).stack > stack);
         let positions = now.meshes[0].positions.clone();
         let deform = Change::Deform { mesh: 0, positions, normals: vec![], from: None, by: Update::Rebuild };
