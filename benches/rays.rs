@@ -12,6 +12,8 @@ use std::time::Instant;
 use glam::{Affine3A, Mat3, Vec3};
 use neubrdf::converge::warm_up;
 use neubrdf::gpu::{BlasGeometry, Device, DeviceChoice, Update, Upload, Validation};
+#[cfg(feature = "embree")]
+use neubrdf::reference::TraceMode;
 use neubrdf::render::bvh::Bvh;
 use neubrdf::render::{Intersector, Query, Ray, Traversal};
 use neubrdf::scene::{Camera, Color, Film, Instance, Material, Mesh, Scene, Surface};
@@ -59,15 +61,17 @@ fn speed(device: &Arc<Device>, rounds: usize) -> anyhow::Result<()> {
             let few: Vec<Ray> = rays.chunks(64).step_by(step).flatten().copied().collect();
             let few_batch = ray_query.as_ref().map(|tracer| tracer.upload(&few)).transpose()?;
             let [mut single, mut streams, mut own, mut query_times] = [const { Vec::new() }; 4];
+            #[cfg(feature = "embree")]
+            let mut peer = Peer::new(&embree, rays);
             // CPUs take turns; a GPU would idle meanwhile.
             let (turns, in_a_row) = if device.profile().is_cpu { (rounds, 1) } else { (1, rounds) };
             for _ in 0..turns {
                 #[cfg(feature = "embree")]
                 for _ in 0..in_a_row {
-                    single.push(embree_seconds(&embree, rays, *query, false));
+                    single.push(peer.seconds(*query, TraceMode::Single));
                     // Of what any hit ends there is no stream here.
                     if matches!(query, Query::Closest) {
-                        streams.push(embree_seconds(&embree, rays, *query, true));
+                        streams.push(peer.seconds(*query, TraceMode::IncoherentStream));
                     }
                 }
                 warm_up(device.profile(), || bvh.trace(&batch, *query))?;
@@ -169,27 +173,38 @@ fn seconds<E>(work: impl FnOnce() -> Result<(), E>) -> Result<f64, E> {
     Ok(start.elapsed().as_secs_f64())
 }
 
+/// Embree, and what it is given and gives back: memory that is there before it is timed, as a batch's is.
 #[cfg(feature = "embree")]
-fn embree_seconds(embree: &neubrdf::reference::Accelerator, rays: &[Ray], query: Query, streams: bool) -> f64 {
-    use neubrdf::reference::{Ray as ReferenceRay, TraceMode};
-    let convert = |ray: &Ray| ReferenceRay {
-        origin: ray.origin.into(),
-        direction: ray.direction.into(),
-        t_min: 0.0,
-        t_max: ray.t_max,
-    };
-    let rays: Vec<ReferenceRay> = rays.iter().map(convert).collect();
-    let start = Instant::now();
-    match (query, streams) {
-        (Query::Any, false) => {
-            let blocked: usize =
-                rays.par_chunks(1024).map(|rays| rays.iter().filter(|r| embree.occluded(r)).count()).sum();
-            std::hint::black_box(blocked);
-        }
-        (_, true) => drop(std::hint::black_box(embree.trace_rays(&rays, TraceMode::IncoherentStream))),
-        (_, false) => drop(std::hint::black_box(embree.trace_rays(&rays, TraceMode::Single))),
+struct Peer<'a> {
+    embree: &'a neubrdf::reference::Accelerator,
+    rays: Vec<neubrdf::reference::Ray>,
+    hits: Vec<Option<neubrdf::reference::Hit>>,
+}
+
+#[cfg(feature = "embree")]
+impl Peer<'_> {
+    fn new<'a>(embree: &'a neubrdf::reference::Accelerator, rays: &[Ray]) -> Peer<'a> {
+        let convert = |ray: &Ray| neubrdf::reference::Ray {
+            origin: ray.origin.into(),
+            direction: ray.direction.into(),
+            t_min: 0.0,
+            t_max: ray.t_max,
+        };
+        Peer { embree, rays: rays.iter().map(convert).collect(), hits: vec![None; rays.len()] }
     }
-    start.elapsed().as_secs_f64()
+
+    fn seconds(&mut self, query: Query, mode: neubrdf::reference::TraceMode) -> f64 {
+        let start = Instant::now();
+        match query {
+            Query::Any => {
+                let blocked =
+                    |rays: &[neubrdf::reference::Ray]| rays.iter().filter(|r| self.embree.occluded(r)).count();
+                std::hint::black_box(self.rays.par_chunks(1024).map(blocked).sum::<usize>());
+            }
+            Query::Closest => self.embree.trace_rays(&self.rays, mode, &mut self.hits),
+        }
+        start.elapsed().as_secs_f64()
+    }
 }
 
 fn median(times: &mut [f64]) -> Option<f64> {

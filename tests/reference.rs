@@ -503,10 +503,15 @@ fn single_rays_and_streams_meet_the_same_triangles() {
             Ray { origin: Vec3::ZERO, direction, t_min: 0.0, t_max: f32::INFINITY }
         })
         .collect();
-    let single = reference.accelerator().trace_rays(&rays, TraceMode::Single);
+    let trace = |mode| {
+        let mut hits = vec![None; rays.len()];
+        reference.accelerator().trace_rays(&rays, mode, &mut hits);
+        hits
+    };
+    let single = trace(TraceMode::Single);
     assert!(single.iter().all(|hit| hit.is_some()), "the room is closed");
     for mode in [TraceMode::CoherentStream, TraceMode::IncoherentStream] {
-        let stream = reference.accelerator().trace_rays(&rays, mode);
+        let stream = trace(mode);
         let differing = single.iter().zip(&stream).filter(|(a, b)| {
             let (Some(a), Some(b)) = (a, b) else { return true };
             (a.t - b.t).abs() > 1e-5 * a.t

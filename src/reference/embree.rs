@@ -150,9 +150,12 @@ impl Accelerator {
     }
 
     /// The nearest hit of each ray, on all threads of rayon's pool; for measuring Embree's speed.
-    pub fn trace_rays(&self, rays: &[Ray], mode: TraceMode) -> Vec<Option<Hit>> {
+    ///
+    /// # Panics
+    /// If there are more or fewer hits than rays.
+    pub fn trace_rays(&self, rays: &[Ray], mode: TraceMode, hits: &mut [Option<Hit>]) {
         const STREAM: usize = 1024;
-        let mut hits = vec![None; rays.len()];
+        assert_eq!(hits.len(), rays.len());
         hits.par_chunks_mut(STREAM).zip(rays.par_chunks(STREAM)).for_each(|(hits, rays)| {
             let flags = match mode {
                 TraceMode::Single => {
@@ -176,7 +179,6 @@ impl Accelerator {
             }
             hits.iter_mut().zip(&stream).for_each(|(slot, found)| *slot = hit(&found.ray, &found.hit));
         });
-        hits
     }
 }
 
