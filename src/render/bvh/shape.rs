@@ -37,8 +37,7 @@ pub(super) struct Shape {
 impl Shape {
     /// A good tree, with at most `max_leaf` primitives in a leaf.
     pub fn clustered(boxes: &[Bounds], max_leaf: u32) -> Shape {
-        let binary = Binary::clustered(boxes);
-        Collapse::new(&binary, max_leaf).shape()
+        Collapse::new(&cluster(boxes), max_leaf).shape()
     }
 
     /// A balanced tree with single primitives in its leaves: each node's children are quarters, whatever the boxes are.
@@ -81,12 +80,7 @@ fn leaf(first: usize, count: usize) -> u32 {
     LEAF | (count as u32 - 1) << LEAF_COUNT_SHIFT | first as u32
 }
 
-/// A binary tree with one primitive in each leaf.
-struct Binary {
-    /// The root first, if there is one.
-    nodes: Vec<BinaryNode>,
-}
-
+/// A node of a binary tree with one primitive in each leaf.
 #[derive(Clone, Copy)]
 struct BinaryNode {
     is_leaf: bool,
@@ -101,38 +95,32 @@ impl BinaryNode {
     }
 }
 
-impl Binary {
-    /// Parallel locally-ordered clustering, then reinsertion.
-    fn clustered(boxes: &[Bounds]) -> Binary {
-        // Areas must neither overflow nor vanish: the tree's shape is found in a box of the size of one.
-        let all = boxes.iter().copied().fold(Bounds::EMPTY, union);
-        let scale = 1.0 / f64::from((all.max.as_dvec3() - all.min.as_dvec3()).max_element() as f32).clamp(1e-37, 1e38);
-        let normalise = |point: Vec3| Vec3A::from(((point.as_dvec3() - all.min.as_dvec3()) * scale).as_vec3());
-        let normal: Vec<Aabb> =
-            boxes.par_iter().map(|bounds| Aabb::new(normalise(bounds.min), normalise(bounds.max))).collect();
-        let mut tree: Bvh2 = PlocBuilder::with_capacity(normal.len()).build(
-            PlocSearchDistance::Medium,
-            &normal,
-            (0..normal.len() as u32).collect(),
-            SortPrecision::U64,
-            3,
-        );
-        let share = (REINSERTED / boxes.len() as f32).clamp(LEAST_REINSERTED, MOST_REINSERTED);
-        let mut reinsertion = ReinsertionOptimizer::default();
-        for _ in 0..REINSERTIONS {
-            reinsertion.run(&mut tree, share, None);
-        }
-        let node = |node: &obvhs::bvh2::node::Bvh2Node| BinaryNode {
-            is_leaf: node.prim_count != 0,
-            first: if node.prim_count != 0 {
-                tree.primitive_indices[node.first_index as usize]
-            } else {
-                node.first_index
-            },
-            half_area: node.aabb().half_area(),
-        };
-        Binary { nodes: tree.nodes.par_iter().map(node).collect() }
+/// A binary tree, the root first, if there is one: parallel locally-ordered clustering, then reinsertion.
+fn cluster(boxes: &[Bounds]) -> Vec<BinaryNode> {
+    // Areas must neither overflow nor vanish: the tree's shape is found in a box of the size of one.
+    let all = boxes.iter().copied().fold(Bounds::EMPTY, union);
+    let scale = 1.0 / f64::from((all.max.as_dvec3() - all.min.as_dvec3()).max_element() as f32).clamp(1e-37, 1e38);
+    let normalise = |point: Vec3| Vec3A::from(((point.as_dvec3() - all.min.as_dvec3()) * scale).as_vec3());
+    let normal: Vec<Aabb> =
+        boxes.par_iter().map(|bounds| Aabb::new(normalise(bounds.min), normalise(bounds.max))).collect();
+    let mut tree: Bvh2 = PlocBuilder::with_capacity(normal.len()).build(
+        PlocSearchDistance::Medium,
+        &normal,
+        (0..normal.len() as u32).collect(),
+        SortPrecision::U64,
+        3,
+    );
+    let share = (REINSERTED / boxes.len() as f32).clamp(LEAST_REINSERTED, MOST_REINSERTED);
+    let mut reinsertion = ReinsertionOptimizer::default();
+    for _ in 0..REINSERTIONS {
+        reinsertion.run(&mut tree, share, None);
     }
+    let node = |node: &obvhs::bvh2::node::Bvh2Node| BinaryNode {
+        is_leaf: node.prim_count != 0,
+        first: if node.prim_count != 0 { tree.primitive_indices[node.first_index as usize] } else { node.first_index },
+        half_area: node.aabb().half_area(),
+    };
+    tree.nodes.par_iter().map(node).collect()
 }
 
 /// How a subtree is best made a part of a wider tree.
@@ -155,8 +143,7 @@ struct Collapse<'a> {
 }
 
 impl Collapse<'_> {
-    fn new(binary: &Binary, max_leaf: u32) -> Collapse<'_> {
-        let nodes = &binary.nodes[..];
+    fn new(nodes: &[BinaryNode], max_leaf: u32) -> Collapse<'_> {
         let nothing = Best { cost: [0.0; 3], left: [0; 2], below_left: 0, primitives: 0 };
         let mut collapse = Collapse { nodes, best: vec![nothing; nodes.len()] };
         let mut from_root = Vec::with_capacity(nodes.len());
@@ -244,6 +231,85 @@ impl Collapse<'_> {
         match self.nodes[node].is_leaf {
             true => found.push(self.nodes[node].first),
             false => self.nodes[node].children().into_iter().for_each(|child| self.primitives(child, found)),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::leaf_range;
+    use super::*;
+
+    /// The cheapest way by trying all: a leaf, or a node over any two, three or four subtrees that together are all of this one.
+    fn cheapest(nodes: &[BinaryNode], node: usize, max_leaf: u32) -> f32 {
+        let primitives = leaves(nodes, node);
+        let as_leaf = if primitives <= max_leaf { nodes[node].half_area * primitives as f32 } else { f32::INFINITY };
+        let as_node = |roots: &Vec<usize>| {
+            let below: f32 = roots.iter().map(|root| cheapest(nodes, *root, max_leaf)).sum();
+            nodes[node].half_area * NODE_COST + below
+        };
+        cuts(nodes, node).iter().filter(|roots| (2..=WIDTH).contains(&roots.len())).map(as_node).fold(as_leaf, f32::min)
+    }
+
+    /// All sets of subtrees that are this one.
+    fn cuts(nodes: &[BinaryNode], node: usize) -> Vec<Vec<usize>> {
+        let mut all = vec![vec![node]];
+        if !nodes[node].is_leaf {
+            let [left, right] = nodes[node].children().map(|child| cuts(nodes, child));
+            all.extend(left.iter().flat_map(|left| right.iter().map(|right| [&left[..], &right[..]].concat())));
+        }
+        all
+    }
+
+    fn leaves(nodes: &[BinaryNode], node: usize) -> u32 {
+        match nodes[node].is_leaf {
+            true => 1,
+            false => nodes[node].children().into_iter().map(|child| leaves(nodes, child)).sum(),
+        }
+    }
+
+    /// What a node of a shape costs with all below, and the box around it.
+    fn cost(shape: &Shape, boxes: &[Bounds], child: u32) -> (f32, Bounds) {
+        let area = |bounds: Bounds| {
+            let edges = bounds.max - bounds.min;
+            edges.x * edges.y + edges.y * edges.z + edges.z * edges.x
+        };
+        if child & LEAF != 0 {
+            let places = leaf_range(child);
+            let around = shape.order[places.clone()]
+                .iter()
+                .map(|primitive| boxes[*primitive as usize])
+                .fold(Bounds::EMPTY, union);
+            return (area(around) * places.len() as f32, around);
+        }
+        let children = shape.nodes[child as usize].iter().filter(|child| **child != NO_CHILD);
+        let (below, around) = children
+            .map(|child| cost(shape, boxes, *child))
+            .fold((0.0, Bounds::EMPTY), |a, b| (a.0 + b.0, union(a.1, b.1)));
+        (area(around) * NODE_COST + below, around)
+    }
+
+    #[test]
+    fn no_other_collapse_of_a_binary_tree_costs_less() {
+        let mut state = 1u32;
+        let mut random = || {
+            state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            (state >> 8) as f32 / (1 << 24) as f32
+        };
+        for trial in 0..300 {
+            let count = 5 + trial % 6;
+            let corner = Vec3::ZERO;
+            let mut boxes = vec![Bounds { min: corner, max: corner }, Bounds { min: Vec3::ONE, max: Vec3::ONE }];
+            boxes.resize_with(count, || {
+                let min = Vec3::new(random(), random(), random()) * 0.9;
+                Bounds { min, max: min + Vec3::new(random(), random(), random()) * 0.1 }
+            });
+            let max_leaf = 1 + trial as u32 / 6 % 4;
+            let nodes = cluster(&boxes);
+            let least = cheapest(&nodes, 0, max_leaf);
+            let shape = Collapse::new(&nodes, max_leaf).shape();
+            let (found, _) = cost(&shape, &boxes, 0);
+            assert!((found - least).abs() < 1e-4 * least, "{count} boxes, {max_leaf} a leaf: {found}, not {least}");
         }
     }
 }
