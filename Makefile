@@ -36,7 +36,7 @@ soak: install-test
 check: install-test
 	$(CARGO) fmt --check
 	$(CARGO) clippy --all-targets $(FEATURES) -- -D warnings
-	$(CARGO) clippy --no-default-features --locked -- -D warnings
+	$(CARGO) clippy --no-default-features --all-targets --locked -- -D warnings
 	RUSTDOCFLAGS="-D warnings" $(CARGO) doc --no-deps $(FEATURES)
 	for module in spirv/*.spv; do spirv-val --target-env vulkan1.2 --scalar-block-layout $$module || exit 1; done
 

@@ -17,6 +17,7 @@ use neubrdf::reference::TraceMode;
 use neubrdf::render::bvh::Bvh;
 use neubrdf::render::{Intersector, Query, Ray, Traversal};
 use neubrdf::scene::{Camera, Color, Film, Instance, Material, Mesh, Scene, Surface};
+#[cfg(feature = "embree")]
 use rayon::prelude::*;
 
 fn main() -> anyhow::Result<()> {

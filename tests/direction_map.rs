@@ -10,7 +10,7 @@ use half::f16;
 use neubrdf::converge::prove_equal;
 use neubrdf::image::plane;
 use neubrdf::render::{Options, Sampler, Settings, Traversal};
-use neubrdf::scene::{Color, Fresnel, Material, Scene, Surface, Texture, TexturePlacement, Woven, Yarn};
+use neubrdf::scene::{Color, Fresnel, Material, Scene, Surface, Texture, TexturePlacement};
 
 /// The map of directions at these angles from u towards v, as a file holds them.
 fn map(width: u32, angles: &[f32]) -> Texture {
@@ -90,6 +90,7 @@ fn opposite_texels_are_alike() {
 #[cfg(feature = "embree")]
 #[test]
 fn a_swirl_agrees_with_embree() {
+    use neubrdf::scene::{Woven, Yarn};
     let angle = |i: u8| {
         let at = Vec2::new(f32::from(i % 16), f32::from(i / 16)) - 7.5;
         at.to_angle() + 0.2 * at.length()

@@ -6,8 +6,8 @@ use common::*;
 use glam::{Affine3A, Mat3, Vec2, Vec3};
 use half::f16;
 use neubrdf::image::plane;
-use neubrdf::render::{Options, Sampler, Settings, Traversal};
-use neubrdf::scene::{Color, Instance, Material, Scene, Sun, Surface, Texture};
+use neubrdf::render::{Options, Settings, Traversal};
+use neubrdf::scene::{Instance, Material, Scene, Sun, Surface, Texture};
 
 /// The map of these vectors.
 fn map(width: u32, normals: &[Vec3]) -> Texture {
@@ -71,6 +71,8 @@ fn a_surface_is_lit_as_its_map_leans() {
 #[cfg(feature = "embree")]
 #[test]
 fn ripples_agree_with_embree() {
+    use neubrdf::render::Sampler;
+    use neubrdf::scene::Color;
     let ripple = |i: u32| {
         let (x, y) = ((i % 16) as f32, (i / 16) as f32);
         Vec3::new(0.5 * (0.8 * x).sin(), 0.4 * (0.8 * y).cos(), 1.0).normalize()

@@ -3,11 +3,11 @@
 mod common;
 
 use common::*;
-use glam::{Affine3A, Quat, Vec3};
+use glam::Vec3;
 use half::f16;
 use neubrdf::image::{Picture, plane};
 use neubrdf::render::{Options, Sampler, Settings, Traversal};
-use neubrdf::scene::{Environment, Instance, Material, Mesh, Opacity, Scene, Sun, Texture};
+use neubrdf::scene::{Environment, Material, Mesh, Opacity, Scene, Sun, Texture};
 
 /// A texture of one number a texel, from the upper left.
 fn texture(width: u32, numbers: &[f32]) -> Texture {
@@ -145,7 +145,10 @@ fn foliage_agrees_with_embree() {
     }
 }
 
+#[cfg(feature = "embree")]
 fn foliage() -> Scene {
+    use glam::{Affine3A, Quat};
+    use neubrdf::scene::Instance;
     let leaf = |x: f32, y: f32| if (x * x + y * y).sqrt() < 0.8 { 1.0 } else { 0.0 };
     let center = |i: u32| (i as f32 + 0.5) / 8.0 - 1.0;
     let numbers: Vec<f32> = (0..256).map(|i| leaf(center(i % 16), center(i / 16))).collect();

@@ -6,7 +6,7 @@ use common::*;
 use glam::{Vec2, Vec3};
 use half::f16;
 use neubrdf::image::plane;
-use neubrdf::render::{Options, Sampler, Settings, Traversal};
+use neubrdf::render::{Options, Settings, Traversal};
 use neubrdf::scene::{Color, Fresnel, Material, Surface, Texture};
 
 /// The map of these roughnesses along u and v.
@@ -57,6 +57,7 @@ fn a_map_of_one_roughness_is_that_roughness() {
 #[cfg(feature = "embree")]
 #[test]
 fn stripes_agree_with_embree() {
+    use neubrdf::render::Sampler;
     let stripe = |i: u32| {
         let (x, y) = ((i % 8) as f32, (i / 8) as f32);
         // Some are out of range, as texels of an EXR file may be.

@@ -3,6 +3,7 @@
 //! Sections: `cornell`, `passes`, `cold`, `memory` (these four without an argument), `neubrdf`, and `error` and `sphere`, which render references
 //! of thousands of samples a pixel (kept in target/bench; REFERENCE_SPP says how many, 4096 otherwise; SEEDS how many renders, 3 otherwise). Tables go to standard output, in Markdown; docs/performance.md explains them.
 
+mod ball;
 mod cold;
 mod cornell;
 #[cfg(feature = "embree")]

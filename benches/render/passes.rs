@@ -6,9 +6,9 @@ use anyhow::Result;
 use neubrdf::gpu::{DeviceChoice, Instance, Validation};
 use neubrdf::render::{Options, Renderer, Settings};
 
+use crate::ball;
 use crate::cornell::MAX_DEPTH;
 use crate::measure::{Spread, bar, warm_up};
-use crate::sphere::scene_with_network;
 
 /// The scene of the bench `sphere`.
 const BALL: &str = "ball of NeuBRDF";
@@ -21,7 +21,7 @@ pub fn run() -> Result<()> {
     for (name, path_reuse) in
         [("cornell", false), ("cornell", true), ("preview", false), ("neural", false), (BALL, false)]
     {
-        let mut scene = if name == BALL { scene_with_network() } else { crate::load(name)? };
+        let mut scene = if name == BALL { ball::scene(ball::network()) } else { crate::load(name)? };
         scene.film = crate::film(&device);
         let settings = Settings { max_depth: MAX_DEPTH, path_reuse, features: false, ..Settings::default() };
         let mut renderer = Renderer::new(&device, &scene, &settings, &Options::default())?;

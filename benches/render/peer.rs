@@ -58,11 +58,13 @@ impl Mitsuba {
     }
 
     /// Makes or reads the reference of [`error`](Mitsuba::error); returns the relMSE of its own noise.
+    #[cfg(feature = "embree")]
     pub fn reference(&mut self, samples: u32, file: &Path) -> Result<f64> {
         number(&self.ask(&format!("reference {samples} {}", file.display()))?, "noise")
     }
 
     /// Seconds and relMSE of a render against the reference.
+    #[cfg(feature = "embree")]
     pub fn error(&mut self, sampler: &str, samples: u32, seed: u32) -> Result<(f64, f64)> {
         let answer = self.ask(&format!("error {sampler} {samples} {seed}"))?;
         Ok((number(&answer, "seconds")?, number(&answer, "relmse")?))

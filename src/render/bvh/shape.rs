@@ -20,11 +20,12 @@ use crate::scene::Bounds;
 /// What a visit to a node costs where a test of a primitive costs 1: what packets take on lavapipe.
 const NODE_COST: f32 = 2.0;
 
-/// Reinsertion moves this share of all nodes, in each of so many passes: more where that takes no time.
+/// Passes of reinsertion.
 const REINSERTIONS: usize = 3;
+/// Nodes that each of them moves, within these shares of all: in small trees moving many takes no time.
+const REINSERTED: f32 = 20_000.0;
 const LEAST_REINSERTED: f32 = 0.05;
 const MOST_REINSERTED: f32 = 0.5;
-const REINSERTED: f32 = 20_000.0;
 
 /// A tree's shape.
 pub(super) struct Shape {
