@@ -12,7 +12,7 @@ use super::plan::Plan;
 use super::{Error, Group, Session};
 use crate::image::{open_sealed, write_sealed};
 
-const MAGIC: &[u8; 8] = b"NBRDFTR2";
+const MAGIC: &[u8; 8] = b"NBRDFTR3";
 
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]

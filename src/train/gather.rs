@@ -2,6 +2,7 @@
 
 use glam::{DVec3, Vec2};
 
+use super::table::Table;
 use super::vector::weighted_sum;
 use crate::material::{half_vector, half_vector_inputs, turned};
 use crate::scene::brdf::{CornerWeights, Footprint, NeuBrdf, SpherePlace, SphereTable, SurfaceGrid};
@@ -50,6 +51,11 @@ pub struct Rows<'a> {
 }
 
 impl<'a> Rows<'a> {
+    /// Those of a table.
+    pub fn of(table: &'a Table) -> Rows<'a> {
+        Rows { features: table.features, rows: &table.rows }
+    }
+
     fn row(&self, point: u32) -> &'a [f32] {
         &self.rows[point as usize * self.features..][..self.features]
     }

@@ -83,6 +83,7 @@ impl Group {
     /// Each member takes so many steps, or all that are left: [`Session::run`].
     pub fn run(&mut self, steps: u32) {
         let end = self.steps().saturating_add(steps);
+        // On one of the threads that share the work of each step: handing it over costs more than some of what it does.
         rayon::scope(|_| {
             while self.steps() < end && !self.is_done() {
                 self.step();

@@ -28,6 +28,7 @@ mod report;
 mod result;
 mod session;
 mod table;
+mod team;
 mod trainer;
 mod vector;
 

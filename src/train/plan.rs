@@ -39,7 +39,7 @@ pub enum Recipe {
 pub enum Quality {
     /// A look at it.
     Draft,
-    /// Half a minute on two cores.
+    /// A quarter to half a minute on two cores.
     Default,
     /// A minute or two.
     Best,

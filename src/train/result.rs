@@ -49,6 +49,8 @@ pub struct TrainedPoints<'a> {
     pub grid: SphereGrid,
     /// Which pixels pairs lie in.
     pub seen: &'a [bool],
+    /// The corners of these pixels, which the table has codes for.
+    pub points: &'a [u32],
 }
 
 /// Tables as files hold them, of trained ones with equal codes: these they share. Pixels that no pair lies in are merged, and codes
@@ -59,13 +61,12 @@ pub fn sphere_tables(trained: &[TrainedPoints]) -> Vec<SphereTable> {
     };
     let mut number = vec![None; all.len() / features];
     let mut codes = Vec::new();
-    let numbered = |TrainedPoints { table, grid, seen }: &TrainedPoints| {
+    let numbered = |TrainedPoints { table, grid, seen, points }: &TrainedPoints| {
         let mut result = whole_table(*grid);
-        let kept = result.known_points(|pixel| seen[pixel as usize]);
-        for (point, index) in result.indices.iter_mut().enumerate().filter(|(point, _)| kept[*point]) {
-            let code = table.indices[point] as usize;
+        for (point, code) in points.iter().zip(&table.indices) {
+            let code = *code as usize;
             let next = codes.len() / features;
-            *index = *number[code].get_or_insert_with(|| {
+            result.indices[*point as usize] = *number[code].get_or_insert_with(|| {
                 codes.extend(&all[code * features..][..*features]);
                 // Features of points' own may be more than files can number, before they are given codes.
                 next.min(usize::from(NO_CODE) - 1) as u16

@@ -35,6 +35,9 @@ const PRUNED_RATE: f32 = 3e-3;
 /// Steps over which the rates rise from 0.
 const WARM_UP: f32 = 100.0;
 
+/// Steps that threads are called together for.
+const MOST_STEPS: u32 = 256;
+
 /// Of the encoding y = ln(1 + gain · f) / scale.
 const SCALE: f32 = 2.0;
 /// Bounds of its gain.
@@ -67,10 +70,23 @@ pub struct Session {
 /// A grid of directions.
 pub(super) struct Hemisphere {
     grid: SphereGrid,
-    /// Points that the pairs need.
-    pub(super) used: Vec<bool>,
     /// Pixels that pairs lie in.
     seen: Vec<bool>,
+    /// Their corners: what a table has features of. An isotropic material needs a few of them alone, where its directions are turned to.
+    points: Vec<u32>,
+    /// Of these, which have any weight.
+    pub(super) used: Vec<bool>,
+}
+
+impl Hemisphere {
+    /// For each point of the grid the row that its features have in a table, if it is one of the [points](Hemisphere::points).
+    fn rows(&self) -> Vec<u32> {
+        let mut rows = vec![u32::MAX; self.grid.point_count()];
+        for (row, point) in self.points.iter().enumerate() {
+            rows[*point as usize] = row as u32;
+        }
+        rows
+    }
 }
 
 impl Session {
@@ -94,8 +110,9 @@ impl Session {
 
         let empty = |grid: SphereGrid| Hemisphere {
             grid,
-            used: vec![false; grid.point_count()],
             seen: vec![false; grid.pixel_count()],
+            points: Vec::new(),
+            used: Vec::new(),
         };
         let mut hemispheres: Vec<Hemisphere> = grids.into_iter().map(empty).collect();
         let mut inputs = match plan.model {
@@ -121,7 +138,11 @@ impl Session {
 
     /// Whether all steps are done.
     pub fn is_done(&self) -> bool {
-        self.trainer.step >= self.end.map_or(self.plan.steps, |[_, end]| end)
+        self.trainer.step >= self.last_step()
+    }
+
+    fn last_step(&self) -> u32 {
+        self.end.map_or(self.plan.steps, |[_, end]| end)
     }
 
     /// Steps done.
@@ -139,25 +160,26 @@ impl Session {
         self.loss
     }
 
-    /// Takes so many steps, or all that are left. On one of the threads that share the work of each: handing it over costs more than some of
-    /// what it does.
+    /// Takes so many steps, or all that are left.
     pub fn run(&mut self, steps: u32) {
         let end = self.steps().saturating_add(steps);
-        rayon::scope(|_| {
-            while self.steps() < end && !self.is_done() {
-                self.step();
+        while self.steps() < end && !self.is_done() {
+            if self.steps() == self.step_at(QUANTISE_AT) {
+                self.quantise();
             }
-        });
+            self.prune_in_time();
+            let rates: Vec<Rates> = (self.steps()..self.next_stop(end)).map(|step| self.rates_at(step)).collect();
+            for loss in self.trainer.train(self.plan.batch, &rates) {
+                self.note_loss(loss);
+            }
+        }
     }
 
-    fn step(&mut self) {
-        if self.trainer.step == self.step_at(QUANTISE_AT) {
-            self.quantise();
-        }
-        self.prune_in_time();
-        let rates = self.rates();
-        let loss = self.trainer.train(self.plan.batch, rates);
-        self.note_loss(loss);
+    /// The step before which something else is due than a step, `end` at the latest.
+    fn next_stop(&self, end: u32) -> u32 {
+        let changes = [self.step_at(QUANTISE_AT), self.step_at(PRUNE_AT), self.last_step()];
+        let to_come = changes.into_iter().filter(|step| *step > self.steps());
+        to_come.fold(end.min(self.steps() + MOST_STEPS), u32::min)
     }
 
     /// Prunes the network, if that is due before the next step.
@@ -199,9 +221,13 @@ impl Session {
         (share * self.plan.steps as f32) as u32
     }
 
+    /// Of the next step.
     pub(super) fn rates(&self) -> Rates {
+        self.rates_at(self.steps())
+    }
+
+    fn rates_at(&self, step: u32) -> Rates {
         let Plan { recipe, network_rate, table_rate, steps, .. } = self.plan;
-        let step = self.trainer.step;
         // Winding down, rates fall from what they were when that began.
         let (from, left) = match self.end {
             None => (step, 1.0),
@@ -308,8 +334,8 @@ impl Session {
     /// What a table of directions is made of; `None` if the model has none.
     pub(super) fn trained_points(&self, side: usize) -> Option<TrainedPoints<'_>> {
         let table = self.trainer.tables.get(side)?;
-        let Hemisphere { grid, seen, .. } = &self.hemispheres[side];
-        Some(TrainedPoints { table, grid: *grid, seen })
+        let Hemisphere { grid, seen, points, .. } = &self.hemispheres[side];
+        Some(TrainedPoints { table, grid: *grid, seen, points })
     }
 
     /// The NeuBRDF of these tables, one a hemisphere, with no lobe but the hemisphere's.
@@ -371,8 +397,9 @@ fn start(
         Recipe::Paper => Table::softmax(points, features, codes, random),
         Recipe::Default | Recipe::Unquantised => Table::free(points, features, random),
     };
-    let mut tables: Vec<Table> =
-        hemispheres.iter().zip(plan.table_codes()).map(|(at, codes)| table(at.used.len(), features, codes)).collect();
+    let mut of_directions =
+        |(at, codes): (&Hemisphere, usize)| table(at.grid.point_count(), features, codes).of_points(&at.points);
+    let mut tables: Vec<Table> = hemispheres.iter().zip(plan.table_codes()).map(&mut of_directions).collect();
     let places = texels.zip(plan.surface);
     tables.extend(places.map(|(grid, surface)| table(grid.point_count(), surface.features, surface.codes)));
     (network, tables, Head::Encoded)
@@ -391,7 +418,7 @@ pub fn half_difference(wo: DVec3, wi: DVec3, is_isotropic: bool) -> [f32; 6] {
     [half.x, half.y, half.z, across.x, across.y, cosine].map(|x| x as f32)
 }
 
-/// Where the features of pairs come from; marks the points and pixels that they need.
+/// Where the features of pairs come from; marks the pixels and points that they need.
 fn corner_inputs(plan: &Plan, is_isotropic: bool, pairs: &[Pair], hemispheres: &mut [Hemisphere]) -> Inputs {
     let tables: Vec<SphereTable> = hemispheres.iter().map(|hemisphere| whole_table(hemisphere.grid)).collect();
     let frame = |pair: &Pair| in_frame(pair.wo.as_dvec3(), pair.wi.as_dvec3(), is_isotropic);
@@ -404,17 +431,26 @@ fn corner_inputs(plan: &Plan, is_isotropic: bool, pairs: &[Pair], hemispheres: &
             tables.iter().zip(places(&tables, frame(pair)).into_iter().cycle()).map(at)
         })
         .collect();
-    for (at, (corners, pixel)) in located.iter().enumerate() {
-        let Hemisphere { used, seen, .. } = &mut hemispheres[at % tables.len()];
-        seen[*pixel as usize] = true;
-        for (point, weight) in corners.points.into_iter().zip(corners.weights) {
-            used[point as usize] |= weight > 0.0;
+    for (at, (_, pixel)) in located.iter().enumerate() {
+        hemispheres[at % tables.len()].seen[*pixel as usize] = true;
+    }
+    for Hemisphere { grid, seen, points, used } in &mut *hemispheres {
+        points.extend(whole_table(*grid).known_points(|pixel| seen[pixel as usize]));
+        *used = vec![false; points.len()];
+    }
+    let rows: Vec<Vec<u32>> = hemispheres.iter().map(Hemisphere::rows).collect();
+    let mut corners: Vec<Corners> = located.into_iter().map(|(corners, _)| corners).collect();
+    for (at, corners) in corners.iter_mut().enumerate() {
+        let side = at % tables.len();
+        corners.points = corners.points.map(|point| rows[side][point as usize]);
+        for (row, weight) in corners.points.into_iter().zip(corners.weights) {
+            hemispheres[side].used[row as usize] |= weight > 0.0;
         }
     }
     let half = |pair: &Pair| half_vector_in(frame(pair));
     Inputs::Gathered {
         sides: tables.len(),
-        corners: located.into_iter().map(|(corners, _)| corners).collect(),
+        corners,
         half_vectors: if plan.sees_half_vector { pairs.par_iter().map(half).collect() } else { Vec::new() },
     }
 }
@@ -424,10 +460,7 @@ fn check_names(plan: &Plan, hemispheres: &[Hemisphere]) -> Result<(), Error> {
     if plan.recipe != Recipe::Unquantised {
         return Ok(());
     }
-    let known = |Hemisphere { grid, seen, .. }: &Hemisphere| {
-        whole_table(*grid).known_points(|pixel| seen[pixel as usize]).into_iter().filter(|is_known| *is_known).count()
-    };
-    match hemispheres.iter().map(known).find(|points| *points > MOST_CODES) {
+    match hemispheres.iter().map(|hemisphere| hemisphere.points.len()).find(|points| *points > MOST_CODES) {
         None => Ok(()),
         Some(points) => Err(Error::Plan {
             name: "--n-side",
@@ -447,14 +480,16 @@ fn add_probes(inputs: &mut Inputs, probes: &[Pair], plan: &Plan, is_isotropic: b
         Inputs::Gathered { corners, half_vectors, .. } => {
             let merged = |Hemisphere { grid, seen, .. }: &Hemisphere| merged_table(*grid, seen);
             let tables: Vec<SphereTable> = hemispheres.iter().map(merged).collect();
+            let rows: Vec<Vec<u32>> = hemispheres.iter().map(Hemisphere::rows).collect();
             for (wo, wi) in directions {
                 let frame = in_frame(wo, wi, is_isotropic);
                 half_vectors.extend(plan.sees_half_vector.then(|| half_vector_in(frame)));
                 let places = places(&tables, frame);
-                corners.extend(tables.iter().zip(places.into_iter().cycle()).map(|(table, at)| {
+                corners.extend(tables.iter().zip(&rows).zip(places.into_iter().cycle()).map(|((table, rows), at)| {
                     let at = Corners::of(table, at, plan.corner_weights);
                     // Corners that no pair says anything of have the features of others.
-                    Corners { points: at.points.map(|point| table.indices[point as usize].into()), ..at }
+                    let row = |point: u32| rows[usize::from(table.indices[point as usize])];
+                    Corners { points: at.points.map(row), ..at }
                 }));
             }
         }

@@ -27,7 +27,7 @@ pub enum Quantiser {
     },
 }
 
-/// The features of a hemisphere's grid points.
+/// The features of grid points: of a hemisphere those that a training needs.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Table {
     /// F.
@@ -85,6 +85,27 @@ impl Table {
         };
         table.assign();
         table
+    }
+
+    /// A table that has not moved yet, with these of its points alone. So what they start from does not hang on what other points are needed.
+    pub fn of_points(mut self, points: &[u32]) -> Table {
+        let kept = |numbers: &[f32], width: usize| -> Vec<f32> {
+            points.iter().flat_map(|point| &numbers[*point as usize * width..][..width]).copied().collect()
+        };
+        self.rows = kept(&self.rows, self.features);
+        match &mut self.quantiser {
+            Quantiser::Free => {
+                self.indices = (0..points.len() as u32).collect();
+                self.codes = self.rows.clone();
+                self.adam = Adam::new(self.codes.len());
+            }
+            Quantiser::Nearest { free: learned, adam } | Quantiser::Softmax { scores: learned, adam } => {
+                *learned = kept(learned, learned.len() / self.indices.len());
+                *adam = Adam::new(learned.len());
+                self.indices = points.iter().map(|point| self.indices[*point as usize]).collect();
+            }
+        }
+        self
     }
 
     /// How many points there are.
@@ -337,6 +358,23 @@ mod tests {
             softmax_backward(&scores, &codes, &gradient, temperature, &mut to_scores, &mut to_codes);
             check(&scores, &to_scores, |scores| loss(scores, &wide(&codes)));
             check(&codes, &to_codes, |codes| loss(&wide(&scores), codes));
+        }
+    }
+
+    /// What a point starts from does not hang on which others are kept.
+    #[test]
+    fn points_that_are_kept_start_as_they_would_among_all() {
+        let random = || Random::new(6, 0);
+        for all in [Table::free(30, 4, &mut random()), Table::softmax(30, 4, 9, &mut random())] {
+            let kept = [0, 3, 17, 29];
+            let some = all.clone().of_points(&kept);
+            assert_eq!(some.point_count(), kept.len());
+            for (row, point) in some.rows.chunks_exact(4).zip(kept) {
+                assert_eq!(row, &all.rows[point as usize * 4..][..4]);
+            }
+            let mut again = some.clone();
+            again.assign();
+            assert_eq!(again, some);
         }
     }
 

@@ -4,6 +4,7 @@
 //! same bits again on the same machine.
 
 use std::ops::Range;
+use std::sync::{Mutex, PoisonError, RwLock, RwLockReadGuard, RwLockWriteGuard};
 
 use glam::Vec2;
 use rayon::prelude::*;
@@ -15,6 +16,7 @@ use super::network::{Network, Shard};
 use super::product::padded;
 use super::random::Random;
 use super::table::{Quantiser, Table, TableStep};
+use super::team::work_together;
 use super::vector::add_scaled;
 use crate::scene::brdf::{Footprint, SurfaceGrid};
 
@@ -24,7 +26,7 @@ pub enum Inputs {
     Gathered {
         /// How many tables of directions there are.
         sides: usize,
-        /// Pairs × sides.
+        /// Pairs × sides; their points are the tables' rows.
         corners: Vec<Corners>,
         /// Of each pair, if the network sees them; else empty.
         half_vectors: Vec<Vec2>,
@@ -116,6 +118,12 @@ pub struct Rates {
     pub sparsity: f32,
 }
 
+impl Rates {
+    fn of_tables(&self, step: u32) -> TableStep {
+        TableStep { step, rate: self.tables, temperature: self.temperature }
+    }
+}
+
 /// How far above its target a fit counts in [`Loss::weight`]: the first steps are wild.
 const FARTHEST: f32 = 1.0;
 
@@ -147,6 +155,26 @@ pub struct Trainer {
     shards: Vec<Shard>,
     scatters: Vec<Scatter>,
     sum: Vec<f32>,
+}
+
+/// What a step does.
+struct Step {
+    rates: Rates,
+    /// What a channel of a pair counts in the mean loss.
+    scale: f32,
+    /// Counts from 1 since the moments were last reset.
+    adam_step: u32,
+    /// Its pairs.
+    blocks: Vec<u32>,
+}
+
+/// What is learned, as a step finds it.
+struct Model<'a> {
+    tables: Vec<Rows<'a>>,
+    network: &'a Network,
+    /// Of the network.
+    transposed: &'a [f32],
+    head: Head,
 }
 
 /// Gradient of a table's rows.
@@ -185,93 +213,99 @@ impl Trainer {
         }
     }
 
-    /// One step over `batch` pairs (a multiple of 256). Returns their mean loss.
-    pub fn train(&mut self, batch: usize, rates: Rates) -> f64 {
-        let (blocks, loss) = self.run_shards(batch, rates);
-        self.add_up(&blocks, rates, Some(self.table_step(rates)));
-        loss
+    /// A step over `batch` pairs (a multiple of 256) by each of these rates. Returns their mean losses.
+    pub fn train(&mut self, batch: usize, rates: &[Rates]) -> Vec<f64> {
+        let steps: Vec<Step> = rates.iter().map(|rates| self.next_step(batch, *rates)).collect();
+        self.fit_shards(batch);
+        let columns = self.columns();
+        let Trainer { network, adam, tables, head, pool, shards, scatters, .. } = self;
+        let threads = rayon::current_num_threads().min(shards.len());
+        let network = RwLock::new((network, adam));
+        let tables: Vec<_> = tables.iter_mut().zip(scatters).map(RwLock::new).collect();
+        let shards: Vec<_> = shards.iter_mut().map(RwLock::new).collect();
+        let losses = Mutex::new(Vec::new());
+        work_together(threads, |member| {
+            let (mut transposed, mut sum) = (Vec::new(), Vec::new());
+            for step in &steps {
+                {
+                    let network = &read(&network).0;
+                    let tables: Vec<_> = tables.iter().map(read).collect();
+                    let rows = tables.iter().map(|table| Rows::of(table.0)).collect();
+                    network.transpose(&mut transposed);
+                    let model = Model { tables: rows, network, transposed: &transposed, head: *head };
+                    for (index, shard) in member.own(&shards) {
+                        step.run(index, pool, &model, &mut write(shard));
+                    }
+                }
+                member.wait();
+                {
+                    let shards: Vec<_> = shards.iter().map(read).collect();
+                    let shards: Vec<&Shard> = shards.iter().map(|shard| &***shard).collect();
+                    for (side, table) in member.own(&tables).filter(|_| step.moves_tables()) {
+                        let (table, scatter) = &mut *write(table);
+                        scatter.collect(side, columns[side].clone(), pool, &step.blocks, &shards);
+                        table.step(&scatter.gradient, &scatter.touched, step.rates.of_tables(step.adam_step));
+                    }
+                    if member.owns(tables.len()) {
+                        let (network, adam) = &mut *write(&network);
+                        add_up(network, step.rates, &shards, &mut sum);
+                        adam.step(0, &mut network.parameters, &sum, step.rates.network, step.adam_step);
+                        losses.lock().unwrap_or_else(PoisonError::into_inner).push(mean_loss(&shards, batch));
+                    }
+                }
+                member.wait();
+            }
+        });
+        losses.into_inner().unwrap_or_else(PoisonError::into_inner)
     }
 
     /// The gradients of a step over `batch` pairs, which counts as done. Returns the mean loss.
     pub fn find_gradients(&mut self, batch: usize, rates: Rates) -> f64 {
-        let (blocks, loss) = self.run_shards(batch, rates);
-        self.add_up(&blocks, rates, None);
-        loss
+        let step = self.next_step(batch, rates);
+        self.fit_shards(batch);
+        let columns = self.columns();
+        let Trainer { network, tables, head, pool, shards, scatters, transposed, sum, .. } = self;
+        network.transpose(transposed);
+        let model = Model { tables: tables.iter().map(Rows::of).collect(), network, transposed, head: *head };
+        shards.par_iter_mut().enumerate().for_each(|(index, shard)| step.run(index, pool, &model, shard));
+        let shards: Vec<&Shard> = shards.iter().collect();
+        let of_tables = || {
+            let each = scatters.par_iter_mut().zip(columns).enumerate().filter(|_| step.moves_tables());
+            each.for_each(|(side, (scatter, columns))| scatter.collect(side, columns, pool, &step.blocks, &shards));
+        };
+        rayon::join(|| add_up(network, rates, &shards, sum), of_tables);
+        mean_loss(&shards, batch)
     }
 
-    /// Takes `batch` pairs through the network and back, a shard each by itself. Returns their blocks and their mean loss.
-    fn run_shards(&mut self, batch: usize, rates: Rates) -> (Vec<u32>, f64) {
+    /// What the next step does, which from now on counts as done.
+    fn next_step(&mut self, batch: usize, rates: Rates) -> Step {
         let mut blocks = self.blocks(batch / BLOCK);
         blocks.extend(self.probe_blocks());
-        let shard_count = blocks.len() / (SHARD / BLOCK);
-        if self.shards.len() != shard_count || self.shards[0].gradient.len() != self.network.parameters.len() {
-            self.shards = vec![Shard::new(&self.network, SHARD); shard_count];
-        }
-        self.network.transpose(&mut self.transposed);
-        let Trainer { network, tables, head, pool, transposed, shards, .. } = self;
-        let scale = 1.0 / (3 * batch) as f32;
-        let rows: Vec<Rows> = tables.iter().map(|table| Rows { features: table.features, rows: &table.rows }).collect();
-        shards.par_iter_mut().zip(blocks.par_chunks(SHARD / BLOCK)).for_each(|(shard, blocks)| {
-            gather(pool, &rows, blocks, shard);
-            network.forward(shard);
-            loss(pool, *head, rates.loss, scale, blocks, shard);
-            shard.gradient.fill(0.0);
-            network.backward(transposed, shard);
-        });
         self.step += 1;
         self.adam_step += 1;
-        let loss = self.shards.iter().map(|shard| shard.loss).sum::<f64>() / (3 * batch) as f64;
-        (blocks, loss)
+        Step { rates, scale: 1.0 / (3 * batch) as f32, adam_step: self.adam_step, blocks }
     }
 
-    /// Adds the shards' gradients up, and moves what is learned against them where `step` says how.
-    fn add_up(&mut self, blocks: &[u32], rates: Rates, step: Option<TableStep>) {
-        let Trainer { network, adam, tables, pool, shards, scatters, sum, .. } = self;
-        let shards = &*shards;
-        let of_network = || {
-            sum.clear();
-            sum.extend(network.parameters.iter().map(|parameter| rates.sparsity * parameter.signum()));
-            for shard in shards {
-                sum.iter_mut().zip(&shard.gradient).for_each(|(sum, value)| *sum += value);
-            }
-            if let Some(step) = step {
-                adam.step(0, &mut network.parameters, sum, rates.network, step.step);
-            }
-        };
-        let of_tables = || {
-            let Inputs::Gathered { sides, corners, .. } = &pool.inputs else { return };
-            if rates.tables == 0.0 {
-                return;
-            }
-            let starts = tables.iter().scan(0, |end, table| {
-                *end += table.features;
-                Some(*end - table.features)
-            });
-            let starts: Vec<usize> = starts.collect();
-            let each = tables.par_iter_mut().zip(scatters).zip(starts).enumerate();
-            each.for_each(|(side, ((table, scatter), start))| {
-                let columns = start..start + table.features;
-                match &pool.places {
-                    Some(places) if side == *sides => scatter.add(columns, blocks, shards, |pair| {
-                        let Texels { points, weights } = places.texels(pair);
-                        (points, weights)
-                    }),
-                    _ => scatter.add(columns, blocks, shards, |pair| {
-                        let Corners { points, weights } = corners[pair * sides + side];
-                        (points, weights)
-                    }),
-                }
-                if let Some(step) = step {
-                    table.step(&scatter.gradient, &scatter.touched, step);
-                }
-            });
-        };
-        rayon::join(of_network, of_tables);
+    /// Room for such a batch and this network.
+    fn fit_shards(&mut self, batch: usize) {
+        let count = batch / SHARD + usize::from(self.pool.probes.is_some());
+        if self.shards.len() != count || self.shards[0].gradient.len() != self.network.parameters.len() {
+            self.shards = vec![Shard::new(&self.network, SHARD); count];
+        }
+    }
+
+    /// Where each table's features are among a network's inputs.
+    fn columns(&self) -> Vec<Range<usize>> {
+        let ranges = self.tables.iter().scan(0, |end, table| {
+            *end += table.features;
+            Some(*end - table.features..*end)
+        });
+        ranges.collect()
     }
 
     /// What the last gradients do to tables.
     pub fn table_step(&self, rates: Rates) -> TableStep {
-        TableStep { step: self.adam_step, rate: rates.tables, temperature: rates.temperature }
+        rates.of_tables(self.adam_step)
     }
 
     /// Moves the network's parameters against a gradient.
@@ -342,6 +376,45 @@ impl Trainer {
             })
             .collect()
     }
+}
+
+impl Step {
+    /// Takes the pairs of a shard through the network and back.
+    fn run(&self, index: usize, pool: &Pool, model: &Model, shard: &mut Shard) {
+        let Model { tables, network, transposed, head } = model;
+        let blocks = &self.blocks[index * SHARD / BLOCK..][..SHARD / BLOCK];
+        gather(pool, tables, blocks, shard);
+        network.forward(shard);
+        loss(pool, *head, self.rates.loss, self.scale, blocks, shard);
+        shard.gradient.fill(0.0);
+        network.backward(transposed, shard);
+    }
+
+    fn moves_tables(&self) -> bool {
+        self.rates.tables != 0.0
+    }
+}
+
+/// The gradient of the network's parameters.
+fn add_up(network: &Network, rates: Rates, shards: &[&Shard], sum: &mut Vec<f32>) {
+    sum.clear();
+    sum.extend(network.parameters.iter().map(|parameter| rates.sparsity.copysign(*parameter)));
+    for shard in shards {
+        sum.iter_mut().zip(&shard.gradient).for_each(|(sum, value)| *sum += value);
+    }
+}
+
+fn mean_loss(shards: &[&Shard], batch: usize) -> f64 {
+    shards.iter().map(|shard| shard.loss).sum::<f64>() / (3 * batch) as f64
+}
+
+// A thread that panics stops all others, so that nobody sees what it left half done.
+fn read<T>(of_all: &RwLock<T>) -> RwLockReadGuard<'_, T> {
+    of_all.read().unwrap_or_else(PoisonError::into_inner)
+}
+
+fn write<T>(own: &RwLock<T>) -> RwLockWriteGuard<'_, T> {
+    own.write().unwrap_or_else(PoisonError::into_inner)
 }
 
 fn pairs_of(blocks: &[u32]) -> impl Iterator<Item = usize> {
@@ -446,13 +519,30 @@ impl Head {
 }
 
 impl Scatter {
+    /// The gradient of a table's rows, whose features are those columns of the inputs, from the last step's pairs.
+    fn collect(&mut self, side: usize, columns: Range<usize>, pool: &Pool, blocks: &[u32], shards: &[&Shard]) {
+        match (&pool.inputs, &pool.places) {
+            (Inputs::Gathered { sides, .. }, Some(places)) if side == *sides => {
+                self.add(columns, blocks, shards, |pair| {
+                    let Texels { points, weights } = places.texels(pair);
+                    (points, weights)
+                });
+            }
+            (Inputs::Gathered { sides, corners, .. }, _) => self.add(columns, blocks, shards, |pair| {
+                let Corners { points, weights } = corners[pair * sides + side];
+                (points, weights)
+            }),
+            (Inputs::Direct(_), _) => {}
+        }
+    }
+
     /// The gradient of a table's rows from that of the features of a batch, which are those columns of the inputs, pair by pair; `at` tells
     /// a pair's points and weights.
     fn add<const N: usize>(
         &mut self,
         columns: Range<usize>,
         blocks: &[u32],
-        shards: &[Shard],
+        shards: &[&Shard],
         at: impl Fn(usize) -> ([u32; N], [f32; N]),
     ) {
         let features = columns.len();
@@ -546,7 +636,7 @@ mod tests {
                 is_touched: vec![false; points],
                 touched: Vec::new(),
             };
-            scatter.add(side * features..(side + 1) * features, &blocks, std::slice::from_ref(&shard), |pair| {
+            scatter.add(side * features..(side + 1) * features, &blocks, &[&shard], |pair| {
                 (corners[pair][side].points, corners[pair][side].weights)
             });
             for point in 0..points {

@@ -1,5 +1,7 @@
 //! Short vectors of `f32`.
 
+use std::array::from_fn;
+
 use rayon::prelude::*;
 
 use super::product::{Left, Then, multiply, padded};
@@ -14,11 +16,11 @@ pub fn dot(a: &[f32], b: &[f32]) -> f32 {
 pub fn weighted_sum<const N: usize>(rows: [&[f32]; N], factors: [f32; N], out: &mut [f32]) {
     let (blocks, rest) = out.as_chunks_mut::<4>();
     for (at, block) in blocks.iter_mut().enumerate() {
-        let rows = rows.map(|row| &row.as_chunks::<4>().0[at]);
-        *block = [0.0; 4];
-        for (row, factor) in rows.into_iter().zip(factors) {
-            block.iter_mut().zip(row).for_each(|(sum, x)| *sum += factor * x);
+        let mut sum = [0.0; 4];
+        for (row, factor) in rows.iter().zip(factors) {
+            sum = plus_scaled(sum, factor, &row.as_chunks().0[at]);
         }
+        *block = sum;
     }
     let done = 4 * blocks.len();
     for (at, sum) in rest.iter_mut().enumerate() {
@@ -29,11 +31,17 @@ pub fn weighted_sum<const N: usize>(rows: [&[f32]; N], factors: [f32; N], out: &
 /// sum += factor · row.
 #[inline]
 pub fn add_scaled(sum: &mut [f32], factor: f32, row: &[f32]) {
-    let ((sums, sum), (rows, row)) = (sum.as_chunks_mut::<4>(), row.as_chunks::<4>());
+    let ((sums, sum), (rows, row)) = (sum.as_chunks_mut(), row.as_chunks());
     for (sum, row) in sums.iter_mut().zip(rows) {
-        sum.iter_mut().zip(row).for_each(|(sum, x)| *sum += factor * x);
+        *sum = plus_scaled(*sum, factor, row);
     }
     sum.iter_mut().zip(row).for_each(|(sum, x)| *sum += factor * x);
+}
+
+/// sum + factor · row: of values, so that it is one instruction each, as numbers that may lie over one another could not be.
+#[inline]
+fn plus_scaled(sum: [f32; 4], factor: f32, row: &[f32; 4]) -> [f32; 4] {
+    from_fn(|i| sum[i] + factor * row[i])
 }
 
 /// For each of `points` (count × features) the row of `rows` that is nearest; the first of equals.

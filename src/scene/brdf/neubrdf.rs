@@ -1,7 +1,7 @@
 //! A BRDF as a small network over features that stand on two hemispheres, one of ωi and one of ωo: *Real-Time Neural BRDF with
 //! Spherically Distributed Primitives*. What it computes is `crate::material`'s; here is what it consists of.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
 use glam::DVec3;
@@ -80,37 +80,32 @@ impl SphereTable {
     /// Merges pixels without data ([`SphereGrid::merge`]) and drops the points that are no corner any more. Corners that no
     /// pixel with data touches take over the code of the nearest point that one does; unless none does, when all stays as it is.
     pub fn prune(&mut self, has_data: impl Fn(u32) -> bool) {
-        let is_known = self.known_points(&has_data);
-        let known: Vec<usize> = (0..self.grid.point_count()).filter(|point| is_known[*point]).collect();
+        let known = self.known_points(&has_data);
         if known.is_empty() {
             return;
         }
         let levels = self.grid.merge(|pixel| !has_data(pixel));
         let is_corner = self.grid.corners_of(&levels);
-        let directions: Vec<DVec3> = known.iter().map(|point| self.grid.point(*point)).collect();
+        let directions: Vec<DVec3> = known.iter().map(|point| self.grid.point(*point as usize)).collect();
         let old = self.indices.clone();
         for (point, index) in self.indices.iter_mut().enumerate() {
             if !is_corner[point] {
                 *index = NO_CODE;
-            } else if !is_known[point] {
+            } else if known.binary_search(&(point as u32)).is_err() {
                 let here = self.grid.point(point);
                 let distance = |k: &usize| directions[*k].distance_squared(here);
                 let nearest = (0..known.len()).min_by(|a, b| distance(a).total_cmp(&distance(b)));
-                *index = nearest.map_or(*index, |k| old[known[k]]);
+                *index = nearest.map_or(*index, |k| old[known[k] as usize]);
             }
         }
         self.levels = if levels.iter().all(|level| *level == 0) { Vec::new() } else { levels };
     }
 
-    /// The points that data was seen next to: corners of pixels with data.
-    pub(crate) fn known_points(&self, has_data: impl Fn(u32) -> bool) -> Vec<bool> {
-        let mut is_known = vec![false; self.grid.point_count()];
-        for (pixel, corners) in self.grid.pixels() {
-            if has_data(pixel) {
-                corners.into_iter().for_each(|corner| is_known[corner as usize] = true);
-            }
-        }
-        is_known
+    /// The points that data was seen next to, in order: corners of pixels with data.
+    pub(crate) fn known_points(&self, has_data: impl Fn(u32) -> bool) -> Vec<u32> {
+        let with_data = self.grid.pixels().filter(|(pixel, _)| has_data(*pixel));
+        let points: BTreeSet<u32> = with_data.flat_map(|(_, corners)| corners).collect();
+        points.into_iter().collect()
     }
 }
 
