@@ -555,18 +555,15 @@ impl Scatter {
                 let row = &row[columns.clone()];
                 let (points, weights) = at(pair);
                 for (point, weight) in points.into_iter().zip(weights) {
-                    if weight == 0.0 {
-                        continue;
-                    }
-                    if !self.is_touched[point as usize] {
-                        self.is_touched[point as usize] = true;
-                        self.touched.push(point);
-                    }
+                    // Not to branch here lets the next pairs' numbers be fetched meanwhile.
+                    self.is_touched[point as usize] |= weight != 0.0;
                     let to = &mut self.gradient[point as usize * features..][..features];
                     add_scaled(to, weight, row);
                 }
             }
         }
+        let points = (0..).zip(&self.is_touched);
+        self.touched.extend(points.filter_map(|(point, is_touched)| is_touched.then_some(point)));
     }
 }
 
