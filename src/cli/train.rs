@@ -158,7 +158,8 @@ pub fn run(arguments: Arguments) -> Result<ExitCode> {
     }
 
     let interrupted = progress::interrupt_flag()?;
-    let seconds = train(&mut session, arguments.checkpoint.as_deref(), &interrupted, arguments.quiet)?;
+    train(&mut session, arguments.checkpoint.as_deref(), &interrupted, arguments.quiet)?;
+    let seconds = session.seconds();
 
     let precision = if arguments.f32 { Precision::F32 } else { Precision::F16 };
     let measure = |evaluator: &Evaluator, size: usize| -> Comparison {
@@ -191,13 +192,13 @@ pub fn run(arguments: Arguments) -> Result<ExitCode> {
         for plan in others.into_iter().take_while(|_| !is_interrupted()) {
             let recipe = plan.recipe;
             let mut session = Session::new(plan, &input.ground_truth(&eval))?;
-            let seconds = train(&mut session, None, &interrupted, arguments.quiet)?;
+            train(&mut session, None, &interrupted, arguments.quiet)?;
             if is_interrupted() {
                 break;
             }
             let file = finished(&session).context("a recipe trains NeuBRDFs")?.encode(precision)?;
             let errors = measure(&Evaluator::neubrdf(&NeuBrdf::decode(&file)?), BALL).errors;
-            recipes.push(RecipeResult { recipe, bytes: file.len(), seconds, errors });
+            recipes.push(RecipeResult { recipe, bytes: file.len(), seconds: session.seconds(), errors });
         }
         if is_interrupted() {
             // What was broken off compares with nothing.

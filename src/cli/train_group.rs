@@ -155,7 +155,8 @@ fn train_group(
     if let Some(path) = checkpoint.filter(|path| arguments.resume && path.is_file()) {
         group.restore(path)?;
     }
-    let seconds = train(&mut group, checkpoint, interrupted, arguments.quiet)?;
+    train(&mut group, checkpoint, interrupted, arguments.quiet)?;
+    let seconds = group.seconds();
 
     // What is measured is what the file says, rounded numbers and all.
     let precision = if arguments.f32 { Precision::F32 } else { Precision::F16 };

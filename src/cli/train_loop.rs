@@ -65,14 +65,13 @@ macro_rules! training {
 training!(Session, |session: &Session| session.plan.steps);
 training!(Group, |group: &Group| group.members()[0].plan.steps);
 
-/// Trains under a bar, with checkpoints, one of them at the end, until the end or Ctrl-C, which raises `interrupted`. Returns the seconds that it took.
+/// Trains under a bar, with checkpoints, one of them at the end, until the end or Ctrl-C, which raises `interrupted`.
 pub fn train(
     training: &mut dyn Training,
     checkpoint: Option<&Path>,
     interrupted: &AtomicBool,
     is_quiet: bool,
-) -> Result<f64> {
-    let started = Instant::now();
+) -> Result<()> {
     let bar = progress::bar(training.planned().into(), is_quiet);
     let mut last_checkpoint = Instant::now();
     let mut is_winding_down = false;
@@ -100,7 +99,7 @@ pub fn train(
         training.save(path)?;
     }
     bar.finish();
-    Ok(started.elapsed().as_secs_f64())
+    Ok(())
 }
 
 /// The trained NeuBRDF with the albedos of the ground truth, under bars; `None` if something else was trained.

@@ -33,6 +33,7 @@ struct SessionHeader {
     adam_step: u32,
     /// Bits of the averaged loss, which may be NaN.
     loss: u64,
+    seconds: f64,
     widths: Vec<usize>,
     /// Codes of each table that has been given codes on the way.
     codes: Vec<Option<usize>>,
@@ -65,6 +66,7 @@ impl Session {
             step: trainer.step,
             adam_step: trainer.adam_step,
             loss: self.loss.to_bits(),
+            seconds: self.seconds,
             widths: trainer.network.widths(),
             codes: trainer.tables.iter().map(|table| table.nearest_codes()).collect(),
         }
@@ -76,6 +78,7 @@ impl Session {
         self.trainer.step = header.step;
         self.trainer.adam_step = header.adam_step;
         self.loss = f64::from_bits(header.loss);
+        self.seconds = header.seconds;
         let (floats, indices) = self.trainer.state();
         for part in floats {
             rest = take(rest, part).ok_or("it is cut short")?;

@@ -5,6 +5,8 @@
 //! codes alone are common, or the network too, which then is so from the start. Gradients of what is shared are added in the order of
 //! the members: the result is the same whatever the number of threads.
 
+use std::time::Instant;
+
 use rayon::prelude::*;
 
 use super::network::Network;
@@ -75,6 +77,11 @@ impl Group {
         self.members[0].steps()
     }
 
+    /// Seconds that they took, those before a checkpoint included.
+    pub fn seconds(&self) -> f64 {
+        self.members[0].seconds()
+    }
+
     /// The loss of the last steps, averaged, over all members.
     pub fn loss(&self) -> f64 {
         self.members.iter().map(Session::loss).sum::<f64>() / self.members.len() as f64
@@ -82,13 +89,14 @@ impl Group {
 
     /// Each member takes so many steps, or all that are left: [`Session::run`].
     pub fn run(&mut self, steps: u32) {
-        let end = self.steps().saturating_add(steps);
+        let (end, started) = (self.steps().saturating_add(steps), Instant::now());
         // On one of the threads that share the work of each step: handing it over costs more than some of what it does.
         rayon::scope(|_| {
             while self.steps() < end && !self.is_done() {
                 self.step();
             }
         });
+        self.members[0].seconds += started.elapsed().as_secs_f64();
     }
 
     fn step(&mut self) {

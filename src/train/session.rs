@@ -1,6 +1,7 @@
 //! A training from its first step to its last.
 
 use std::f32::consts::PI;
+use std::time::Instant;
 
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
@@ -63,6 +64,8 @@ pub struct Session {
     /// Of the texels.
     frames: SurfaceFrames,
     pub(super) loss: f64,
+    /// What its steps took; a group's are its first member's.
+    pub(super) seconds: f64,
     /// Where winding down began and where it ends, in steps.
     end: Option<[u32; 2]>,
 }
@@ -132,8 +135,20 @@ impl Session {
         let pool = Pool { targets, inputs, places, probes };
         let (network, tables, head) = start(&plan, &hemispheres, texels, encoding);
         let trainer = Trainer::new(network, tables, head, pool, plan.seed);
-        let loss = f64::NAN;
-        Ok(Session { plan, trainer, is_isotropic, pairs_hash, encoding, hemispheres, texels, frames, loss, end: None })
+        let (loss, seconds) = (f64::NAN, 0.0);
+        Ok(Session {
+            plan,
+            trainer,
+            is_isotropic,
+            pairs_hash,
+            encoding,
+            hemispheres,
+            texels,
+            frames,
+            loss,
+            seconds,
+            end: None,
+        })
     }
 
     /// Whether all steps are done.
@@ -150,6 +165,11 @@ impl Session {
         self.trainer.step
     }
 
+    /// Seconds that they took, those before a checkpoint included.
+    pub fn seconds(&self) -> f64 {
+        self.seconds
+    }
+
     /// Gain of the encoding that the loss is taken in.
     pub fn gain(&self) -> f64 {
         self.encoding.gain.into()
@@ -162,7 +182,7 @@ impl Session {
 
     /// Takes so many steps, or all that are left.
     pub fn run(&mut self, steps: u32) {
-        let end = self.steps().saturating_add(steps);
+        let (end, started) = (self.steps().saturating_add(steps), Instant::now());
         while self.steps() < end && !self.is_done() {
             if self.steps() == self.step_at(QUANTISE_AT) {
                 self.quantise();
@@ -173,6 +193,7 @@ impl Session {
                 self.note_loss(loss);
             }
         }
+        self.seconds += started.elapsed().as_secs_f64();
     }
 
     /// The step before which something else is due than a step, `end` at the latest.

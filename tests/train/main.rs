@@ -155,7 +155,9 @@ fn a_resumed_training_ends_as_an_uninterrupted_one() {
             session.save(&path).unwrap();
             let mut resumed = Session::new(plan.clone(), &isotropic(&satin)).unwrap();
             resumed.restore(&path).unwrap();
+            assert_eq!(resumed.seconds(), session.seconds());
             assert!(finish(&mut resumed) == whole, "{:?} from step {stop}", plan.recipe);
+            assert!(resumed.seconds() > session.seconds());
         }
     }
 }
