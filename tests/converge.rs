@@ -326,6 +326,24 @@ fn scenes_that_were_rendered_otherwise_are_not_compared() {
     refused("clock is cpu, was wall", |new| new.question.clock = Clock::Cpu);
 }
 
+/// The truth still does, where a model is another.
+#[test]
+fn a_model_that_was_trained_anew_is_not_compared_with_the_old_one() {
+    let mut old = record(&[("truth", MADE), ("fit", MADE)], 6, 1);
+    old.scenes[0].methods[1].model = Some("neural".into());
+    old.scenes[0].models = vec![("neural".into(), "0".into())];
+    let mut new = old.clone();
+    let methods = |new: &Record| -> Vec<String> {
+        let changes = compare(new, &old).changes;
+        changes.into_iter().filter(|change| change.figure == "noise").map(|change| change.method).collect()
+    };
+    assert_eq!(methods(&new), ["truth", "fit"]);
+    new.scenes[0].models[0].1 = "1".into();
+    assert_eq!(methods(&new), ["truth"]);
+    let told = change_lines(&compare(&new, &old));
+    assert!(told.ends_with("not compared: made: fit: its model's hash is 1, was 0\n"), "{told}");
+}
+
 #[test]
 fn a_report_is_one_page_and_the_same_for_the_same_numbers() {
     let record = record(&[("a < b", MADE), ("c", Made { bias: 0.1, ..MADE })], 4, 1);

@@ -36,11 +36,12 @@ impl Change {
 pub struct Versus {
     /// All that both have figures of.
     pub changes: Vec<Change>,
-    /// Scenes of the new study none of whose figures compare, with the reason.
+    /// Scenes of the new study of which methods, or all, do not compare, with the reason.
     pub left_out: Vec<(String, String)>,
 }
 
-/// Methods are the same if their full names and the tops of their ladders are, in scenes of the same name and content, rendered alike.
+/// Methods are the same if their full names and the tops of their ladders are, in scenes of the same name and content, rendered alike, by models
+/// of the same content.
 /// The intervals hold all at once with [`CONFIDENCE`] (Šidák).
 pub fn compare(new: &Record, old: &Record) -> Versus {
     let [results, results_before] = [new, old].map(Analysis::of);
@@ -57,18 +58,23 @@ pub fn compare(new: &Record, old: &Record) -> Versus {
             leave_out(reason);
             continue;
         }
-        let found_before = found.len();
+        let mut has_common = false;
         for method in &result.methods {
             let of_name = result_before.methods.iter().find(|before| before.name == method.name);
             let spp = |method: &MethodResult| method.top().map(|rung| rung.spp);
-            let Some(before) = of_name.filter(|before| spp(before) == spp(method)) else { continue };
+            let Some(result_before) = of_name.filter(|before| spp(before) == spp(method)) else { continue };
+            has_common = true;
+            if let Some(reason) = how_models_differ(&method.name, scene, before) {
+                leave_out(format!("{}: {reason}", method.label));
+                continue;
+            }
             for (figure, more_is_better, read) in FIGURES {
-                if let (Some(new), Some(old)) = (read(method), read(before)) {
+                if let (Some(new), Some(old)) = (read(method), read(result_before)) {
                     found.push((&scene.name, method, figure, more_is_better, new.minus(&old)));
                 }
             }
         }
-        if found.len() == found_before {
+        if !has_common {
             leave_out("no method has figures at the same most samples a pixel in both studies".into());
         }
     }
@@ -95,13 +101,29 @@ fn what_differs(new: (&Question, &SceneRecord), old: (&Question, &SceneRecord)) 
         let [width, height] = scene.size;
         [
             ("size", format!("{width}×{height}")),
-            ("hash", scene.hash.get(..12).unwrap_or(&scene.hash).to_owned()),
+            ("hash", start(&scene.hash).to_owned()),
             ("depth", question.max_depth.to_string()),
             ("clock", format!("{:?}", question.clock).to_lowercase()),
         ]
     };
     let pairs = words(new).into_iter().zip(words(old));
     pairs.into_iter().find(|(is, was)| is != was).map(|((name, is), (_, was))| format!("its {name} is {is}, was {was}"))
+}
+
+/// Why the figures of a method do not compare that renders a model of a scene.
+fn how_models_differ(method: &str, new: &SceneRecord, old: &SceneRecord) -> Option<String> {
+    let model = new.methods.iter().find(|other| other.name == method)?.model.as_deref()?;
+    let hash = |scene: &SceneRecord| {
+        let named = scene.models.iter().find(|(name, _)| name == model);
+        named.map_or("absent".to_owned(), |(_, hash)| start(hash).to_owned())
+    };
+    let (is, was) = (hash(new), hash(old));
+    (is != was).then(|| format!("its model's hash is {is}, was {was}"))
+}
+
+/// As much of a hash as tells it from others.
+fn start(hash: &str) -> &str {
+    hash.get(..12).unwrap_or(hash)
 }
 
 type Figure = (&'static str, bool, fn(&MethodResult) -> Option<Estimate>);
