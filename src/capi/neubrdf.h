@@ -1154,6 +1154,15 @@ enum NeubrdfResult neubrdf_renderer_complete(struct NeubrdfRenderer *renderer,
                                              struct NeubrdfStatus *status);
 
 /**
+ * The recording of that number and all after it will never be submitted: the next one does what they were to do, and has that number. Meshes in
+ * the host's buffers that they were to read, the next one reads. NEUBRDF_RESULT_INVALID_ARGUMENT if no recording of that number is in flight.
+ *
+ * The object is alive, and these recordings were not submitted.
+ */
+enum NeubrdfResult neubrdf_renderer_abandon(struct NeubrdfRenderer *renderer,
+                                            uint64_t ticket);
+
+/**
  * For a host whose own call returned VK_ERROR_DEVICE_LOST: returns NEUBRDF_RESULT_DEVICE_LOST, and `neubrdf_last_error` says how far the oldest
  * recording came that is not known to be done.
  *

@@ -512,6 +512,20 @@ pub unsafe extern "C" fn neubrdf_renderer_complete(
     })
 }
 
+/// The recording of that number and all after it will never be submitted: the next one does what they were to do, and has that number. Meshes in
+/// the host's buffers that they were to read, the next one reads. NEUBRDF_RESULT_INVALID_ARGUMENT if no recording of that number is in flight.
+///
+/// # Safety
+/// The object is alive, and these recordings were not submitted.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn neubrdf_renderer_abandon(renderer: *mut NeubrdfRenderer, ticket: u64) -> NeubrdfResult {
+    call(|| {
+        // SAFETY: as the caller says.
+        unsafe { object(renderer, "renderer")? }.renderer.abandon(ticket)?;
+        Ok(())
+    })
+}
+
 /// For a host whose own call returned VK_ERROR_DEVICE_LOST: returns NEUBRDF_RESULT_DEVICE_LOST, and `neubrdf_last_error` says how far the oldest
 /// recording came that is not known to be done.
 ///

@@ -1,5 +1,7 @@
 //! What can go wrong in a host.
 
+use std::ops::RangeInclusive;
+
 use crate::scene::Flaw;
 use crate::{gpu, render};
 
@@ -40,6 +42,14 @@ pub enum Error {
         /// [`Options::frames_in_flight`](super::Options::frames_in_flight)
         most: u32,
     },
+    /// A recording that is done, or was never made.
+    #[error("recording {ticket} is not in flight{}", told(.in_flight))]
+    NotInFlight {
+        /// Its number.
+        ticket: u64,
+        /// Those that are.
+        in_flight: RangeInclusive<u64>,
+    },
     /// The commands are for another device.
     #[error("the commands are recorded for another device than the renderer was made on")]
     OtherDevice,
@@ -77,6 +87,14 @@ pub enum Error {
         /// Its name.
         channel: &'static str,
     },
+}
+
+fn told(in_flight: &RangeInclusive<u64>) -> String {
+    if in_flight.is_empty() {
+        ": none is".into()
+    } else {
+        format!(": {} to {} are", in_flight.start(), in_flight.end())
+    }
 }
 
 impl From<gpu::Error> for Error {

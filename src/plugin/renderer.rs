@@ -80,12 +80,22 @@ pub struct Renderer {
     frames_in_flight: u32,
     /// Not recorded yet, oldest first.
     pending: Vec<Upload>,
+    /// Those that are not known to be done, oldest first: numbers behind `completed` up to `recorded`.
+    recordings: VecDeque<Recording>,
     /// What recordings up to the number may use.
     retired: VecDeque<(u64, Box<dyn Any + Send>)>,
     recorded: u64,
     completed: u64,
     samples: u32,
     /// The next frame begins with a black film.
+    begins_anew: bool,
+}
+
+/// What abandoning a recording takes.
+struct Recording {
+    uploads: Vec<Upload>,
+    /// As they were before.
+    samples: u32,
     begins_anew: bool,
 }
 
@@ -155,6 +165,7 @@ impl Renderer {
             device_only,
             top_level: Update::Rebuild,
             pending: vec![upload],
+            recordings: VecDeque::new(),
             retired: VecDeque::new(),
             recorded: 0,
             completed: 0,
@@ -297,8 +308,8 @@ impl Renderer {
     /// Records a frame: what changed, `samples` more samples of every pixel, and the picture's way to the targets. Nothing is
     /// submitted, waited for or allocated. Returns the recording's number, for [`Renderer::complete`].
     ///
-    /// On an error the command buffer is in no state to be submitted. A recording that never is takes what it uploads with it, the scene if it is
-    /// the first: then only a new renderer knows where it is.
+    /// On an error the command buffer is in no state to be submitted. A recording that is never submitted is to be
+    /// [abandoned](Renderer::abandon).
     ///
     /// # Errors
     /// Too many frames in flight, commands of another device, a target that is too small, a mistake made in the commands before.
@@ -350,7 +361,32 @@ impl Renderer {
         while self.retired.front().is_some_and(|(number, _)| *number <= self.completed) {
             self.retired.pop_front();
         }
+        let pending = (self.recorded - self.completed) as usize;
+        self.recordings.drain(..self.recordings.len() - pending);
         self.slots.status(ticket)
+    }
+
+    /// The recording of that number and all after it will never be submitted, as where a window's images went out of date: the next one uploads
+    /// what they were to, takes the samples that they were to take, and has that number. What was changed meanwhile stays. Meshes in the host's
+    /// buffers that they were to read, the next one reads.
+    ///
+    /// # Errors
+    /// No recording of that number is in flight.
+    pub fn abandon(&mut self, ticket: u64) -> Result<(), Error> {
+        let in_flight = self.completed + 1..=self.recorded;
+        if !in_flight.contains(&ticket) {
+            return Err(Error::NotInFlight { ticket, in_flight });
+        }
+        let abandoned = self.recordings.split_off((ticket - self.completed - 1) as usize);
+        self.slots.forget(ticket);
+        self.recorded = ticket - 1;
+        // One that would have begun anew leaves that to the next, as does what was changed since.
+        self.begins_anew |= abandoned.iter().any(|recording| recording.begins_anew);
+        let before = abandoned.front().map_or(0, |recording| recording.samples);
+        self.samples = if self.begins_anew { 0 } else { before };
+        let uploads = abandoned.into_iter().flat_map(|recording| recording.uploads);
+        self.pending.splice(..0, uploads);
+        Ok(())
     }
 
     /// What to say where a call of the host's returned `VK_ERROR_DEVICE_LOST`: how far the oldest recording came that is not
@@ -390,9 +426,8 @@ impl Renderer {
 
     fn finish(&mut self, ticket: u64) {
         self.recorded = ticket;
-        for upload in std::mem::take(&mut self.pending) {
-            self.retire(upload);
-        }
+        let uploads = std::mem::take(&mut self.pending);
+        self.recordings.push_back(Recording { uploads, samples: self.samples, begins_anew: self.begins_anew });
     }
 
     /// Keeps what recordings so far may use.

@@ -86,6 +86,12 @@ impl Slots {
         self.frames[place] = Frame { ticket, samples, pixels, has_error };
     }
 
+    /// That recording and those after it come to nothing.
+    pub(super) fn forget(&mut self, ticket: u64) {
+        let later = self.frames.iter_mut().filter(|frame| frame.ticket >= ticket);
+        later.for_each(|frame| *frame = Frame::default());
+    }
+
     /// What the frame left, once it is done; `None` if the ticket is no frame's, or its slot was taken by another.
     pub(super) fn status(&self, ticket: u64) -> Option<Status> {
         let frame = self.frames[ticket as usize % self.frames.len()];

@@ -97,6 +97,7 @@ static void devices(void) {
     EXPECT(neubrdf_renderer_create(NULL, NULL, NULL, NULL), NEUBRDF_RESULT_INVALID_ARGUMENT, "context is null");
     EXPECT(neubrdf_renderer_record(NULL, NULL, NULL, NULL), NEUBRDF_RESULT_INVALID_ARGUMENT, "renderer is null");
     EXPECT(neubrdf_renderer_complete(NULL, 0, NULL), NEUBRDF_RESULT_INVALID_ARGUMENT, "renderer is null");
+    EXPECT(neubrdf_renderer_abandon(NULL, 1), NEUBRDF_RESULT_INVALID_ARGUMENT, "renderer is null");
     EXPECT(neubrdf_renderer_set_instances(NULL, NULL, NULL, 1), NEUBRDF_RESULT_INVALID_ARGUMENT, "object_to_world");
     EXPECT(neubrdf_renderer_set_top_level(NULL, 0), NEUBRDF_RESULT_INVALID_ARGUMENT, "renderer is null");
     EXPECT(neubrdf_renderer_deform(NULL, 0, NULL), NEUBRDF_RESULT_INVALID_ARGUMENT, "NeubrdfDeformation");

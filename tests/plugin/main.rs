@@ -166,6 +166,70 @@ fn frames_in_flight_see_the_camera_and_the_scene_they_were_recorded_with() {
     });
 }
 
+/// What was to be uploaded, of the scene and of what changed before and after, the next recording uploads.
+#[test]
+fn what_is_abandoned_the_next_recording_does() {
+    in_lavapipe_hosts(|host| {
+        let device = host.lend();
+        let record_in_vain = |renderer: &mut Renderer| {
+            let recording = host.begin();
+            let mut commands = host.wrap(&device, &recording);
+            let frame = Frame { samples: 2, targets: &[], estimates_error: false };
+            let ticket = renderer.record(&mut commands, &frame).unwrap();
+            commands.finish().unwrap();
+            // SAFETY: it is not submitted.
+            unsafe { host.forget(recording) };
+            ticket
+        };
+        let mut now = scene();
+        let mut renderer = renderer(host, &device, scene());
+        assert_eq!([(); 2].map(|()| record_in_vain(&mut renderer)), [1, 2]);
+        renderer.abandon(1).unwrap();
+        assert!(renderer.samples() == 0 && renderer.complete(2).is_none());
+        let (picture, _) = frame(host, &device, &mut renderer, 3);
+        assert!(picture == expected(host, &now, 3), "the scene itself");
+
+        // Behind a frame that is in flight, which stays.
+        let flying = submit(host, &device, &mut renderer, 1);
+        let ticket = record_in_vain(&mut renderer);
+        assert_eq!(renderer.samples(), 6);
+        renderer.abandon(ticket).unwrap();
+        assert_eq!(renderer.samples(), 4);
+        assert_eq!(wait(host, &mut renderer, flying).1.samples, 4);
+        let continued = submit(host, &device, &mut renderer, 1);
+        assert_eq!(continued.ticket, ticket);
+        assert!(wait(host, &mut renderer, continued).0 == expected(host, &now, 5), "no sample twice, none left out");
+
+        // A change before each recording, and one after.
+        let [first, second, third] = ["moved lamp", "roughness", "one sphere more"].map(|name| {
+            let (_, changes) = changes::changes().into_iter().find(|(what, _)| *what == name).unwrap();
+            changes[0].clone()
+        });
+        let mut tickets = Vec::new();
+        for change in [&first, &second] {
+            renderer.update(std::slice::from_ref(change)).unwrap();
+            tickets.push(record_in_vain(&mut renderer));
+        }
+        renderer.update(std::slice::from_ref(&third)).unwrap();
+        renderer.abandon(tickets[0]).unwrap();
+        for change in [&first, &second, &third] {
+            changes::apply(&mut now, change);
+        }
+        assert!(frame(host, &device, &mut renderer, 2).0 == expected(host, &now, 2), "three changes");
+
+        // A reset that the abandoned recording was to see.
+        renderer.reset();
+        let ticket = record_in_vain(&mut renderer);
+        renderer.abandon(ticket).unwrap();
+        assert!(frame(host, &device, &mut renderer, 1).0 == expected(host, &now, 1), "a black film");
+
+        for wrong in [ticket, ticket + 1, 0] {
+            let error = renderer.abandon(wrong).unwrap_err().to_string();
+            assert_eq!(error, format!("recording {wrong} is not in flight: none is"));
+        }
+    });
+}
+
 /// The recordings' numbers are fit to be the values of a host's timelines: one that says which may begin, and one that says which
 /// are done. All are submitted before the first may begin.
 #[test]
