@@ -31,6 +31,9 @@ const LOWEST_VIEW: f64 = 0.05;
 /// Directions of light that a view's albedo is taken with, of an isotropic material and of another, which has more views.
 const LIGHTS: [usize; 2] = [4096, 1024];
 
+/// Views that are asked for between two words about how far it is.
+const TOGETHER: usize = 32;
+
 /// μ, over the mean of the diagonal of W Wᵀ, at first: how far gaps are closed at a time, and what the fit pays for it.
 const SOFTNESS: f64 = 1.0;
 
@@ -69,15 +72,18 @@ impl Views {
             points.map(|point| table.grid.point(point)).collect()
         };
         all.retain(|wo| wo.z > LOWEST_VIEW);
-        let count = all.len();
-        let view = |(index, wo): (usize, DVec3)| {
-            tell(index, count);
-            let (lights, weights) = albedo_points(wo, LIGHTS[usize::from(!is_isotropic)], GOLDEN * index as f64);
-            let mut view = View { wo, lights, weights, albedo: DVec3::ZERO };
+        let view = |(index, wo): (usize, &DVec3)| {
+            let (lights, weights) = albedo_points(*wo, LIGHTS[usize::from(!is_isotropic)], GOLDEN * index as f64);
+            let mut view = View { wo: *wo, lights, weights, albedo: DVec3::ZERO };
             view.albedo = view.albedo_of(truth);
             view
         };
-        Views(all.into_iter().enumerate().map(view).collect())
+        let mut views = Vec::new();
+        while views.len() < all.len() {
+            tell(views.len(), all.len());
+            views.par_extend(all.par_iter().enumerate().skip(views.len()).take(TOGETHER).map(view));
+        }
+        Views(views)
     }
 
     /// Moves the codes of ωo of that NeuBRDF, `rounds` times or until gaps are as good as closed. `tell` is called rounds + 1 times at most.
@@ -111,7 +117,7 @@ impl Views {
     fn gaps(&self, brdf: &NeuBrdf) -> Vec<f64> {
         let evaluator = Evaluator::neubrdf(brdf);
         let gap = |view: &View| (view.albedo - view.albedo_of(&|pairs| evaluator.eval(pairs))) / view.unit();
-        self.0.iter().flat_map(|view| gap(view).to_array()).collect()
+        self.0.par_iter().flat_map_iter(|view| gap(view).to_array()).collect()
     }
 }
 
