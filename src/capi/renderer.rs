@@ -512,8 +512,8 @@ pub unsafe extern "C" fn neubrdf_renderer_complete(
     })
 }
 
-/// The recording of that number and all after it will never be submitted: the next one does what they were to do, and has that number. Meshes in
-/// the host's buffers that they were to read, the next one reads. NEUBRDF_RESULT_INVALID_ARGUMENT if no recording of that number is in flight.
+/// The recording of that number and all after it will never be submitted: the next one uploads what they were to, goes on from the samples that
+/// were taken before them, and has that number. Meshes in the host's buffers that they were to read, the next one reads. NEUBRDF_RESULT_INVALID_ARGUMENT if no recording of that number is in flight.
 ///
 /// # Safety
 /// The object is alive, and these recordings were not submitted.

@@ -367,8 +367,8 @@ impl Renderer {
     }
 
     /// The recording of that number and all after it will never be submitted, as where a window's images went out of date: the next one uploads
-    /// what they were to, takes the samples that they were to take, and has that number. What was changed meanwhile stays. Meshes in the host's
-    /// buffers that they were to read, the next one reads.
+    /// what they were to, goes on from the samples that were taken before them, and has that number. What was changed meanwhile stays. Meshes in
+    /// the host's buffers that they were to read, the next one reads.
     ///
     /// # Errors
     /// No recording of that number is in flight.

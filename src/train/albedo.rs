@@ -32,7 +32,7 @@ const LOWEST_VIEW: f64 = 0.05;
 const LIGHTS: [usize; 2] = [4096, 1024];
 
 /// Views that are asked for between two words about how far it is.
-const TOGETHER: usize = 32;
+const TOGETHER: usize = 8;
 
 /// μ, over the mean of the diagonal of W Wᵀ, at first: how far gaps are closed at a time, and what the fit pays for it.
 const SOFTNESS: f64 = 1.0;

@@ -1,7 +1,7 @@
 //! Threads that take many short steps side by side.
 //!
 //! A step of training takes a few tenths of a millisecond, and between two of its parts everyone waits for everyone. Threads that go to sleep
-//! meanwhile, as those of a pool do, are woken for about as long; these look out for each other, and hand over what does not belong to them.
+//! meanwhile, as those of a pool do, take about as long to wake; these look out for each other.
 
 use std::hint::spin_loop;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
@@ -34,10 +34,12 @@ pub fn work_together(size: usize, work: impl Fn(&Member) + Sync) {
     let team = Team { size: size.max(1), waiting, meetings, is_broken: AtomicBool::new(false) };
     let (team, work) = (&team, &work);
     thread::scope(|scope| {
+        // Before the others, who would wait for it if there were no more threads to be had.
+        let own = Member { team, index: 0 };
         for index in 1..team.size {
             scope.spawn(move || work(&Member { team, index }));
         }
-        work(&Member { team, index: 0 });
+        work(&own);
     });
 }
 

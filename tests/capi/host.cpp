@@ -431,11 +431,18 @@ static void render(const Engine& engine, const char* file, const char* output, c
     VkFenceCreateInfo fence_info{VK_STRUCTURE_TYPE_FENCE_CREATE_INFO};
     VkFence fence;
     CHECK(vkCreateFence(engine.device, &fence_info, nullptr, &fence));
+    // One comes to nothing, and what it was to upload, the next one uploads.
     uint64_t ticket = 0;
+    VkCommandBufferBeginInfo begin{VK_STRUCTURE_TYPE_COMMAND_BUFFER_BEGIN_INFO};
+    CHECK(vkBeginCommandBuffer(commands[0], &begin));
+    CHECK(neubrdf_renderer_record_upload(renderer, commands[0], &ticket));
+    CHECK(vkEndCommandBuffer(commands[0]));
+    CHECK(neubrdf_renderer_abandon(renderer, ticket));
+    if (neubrdf_renderer_abandon(renderer, ticket) != NEUBRDF_RESULT_INVALID_ARGUMENT) std::exit(1);
+    CHECK(vkResetCommandPool(engine.device, engine.pool, 0));
     for (uint32_t i = 0; i < frames; ++i) {
         if (is_made && i == 1) change(renderer, square, on_device, materials[1]);
         if (!is_made && i == 2) CHECK(neubrdf_renderer_reset(renderer));
-        VkCommandBufferBeginInfo begin{VK_STRUCTURE_TYPE_COMMAND_BUFFER_BEGIN_INFO};
         CHECK(vkBeginCommandBuffer(commands[i], &begin));
         NeubrdfTarget target{};
         target.size = sizeof target;
