@@ -418,9 +418,9 @@ fn start(
         Recipe::Paper => Table::softmax(points, features, codes, random),
         Recipe::Default | Recipe::Unquantised => Table::free(points, features, random),
     };
-    let mut of_directions =
-        |(at, codes): (&Hemisphere, usize)| table(at.grid.point_count(), features, codes).of_points(&at.points);
-    let mut tables: Vec<Table> = hemispheres.iter().zip(plan.table_codes()).map(&mut of_directions).collect();
+    let directions = hemispheres.iter().zip(plan.table_codes());
+    let mut tables: Vec<Table> =
+        directions.map(|(at, codes)| table(at.grid.point_count(), features, codes).of_points(&at.points)).collect();
     let places = texels.zip(plan.surface);
     tables.extend(places.map(|(grid, surface)| table(grid.point_count(), surface.features, surface.codes)));
     (network, tables, Head::Encoded)
@@ -455,8 +455,8 @@ fn corner_inputs(plan: &Plan, is_isotropic: bool, pairs: &[Pair], hemispheres: &
     for (at, (_, pixel)) in located.iter().enumerate() {
         hemispheres[at % tables.len()].seen[*pixel as usize] = true;
     }
-    for Hemisphere { grid, seen, points, used } in &mut *hemispheres {
-        points.extend(whole_table(*grid).known_points(|pixel| seen[pixel as usize]));
+    for (Hemisphere { seen, points, used, .. }, table) in hemispheres.iter_mut().zip(&tables) {
+        *points = table.known_points(|pixel| seen[pixel as usize]);
         *used = vec![false; points.len()];
     }
     let rows: Vec<Vec<u32>> = hemispheres.iter().map(Hemisphere::rows).collect();

@@ -4,7 +4,7 @@
 //! same bits again on the same machine.
 
 use std::ops::Range;
-use std::sync::{Mutex, PoisonError, RwLock, RwLockReadGuard, RwLockWriteGuard};
+use std::sync::{PoisonError, RwLock, RwLockReadGuard, RwLockWriteGuard};
 
 use glam::Vec2;
 use rayon::prelude::*;
@@ -220,10 +220,10 @@ impl Trainer {
         let columns = self.columns();
         let Trainer { network, adam, tables, head, pool, shards, scatters, .. } = self;
         let threads = rayon::current_num_threads().min(shards.len());
-        let network = RwLock::new((network, adam));
+        let mut losses = Vec::new();
+        let network = RwLock::new((network, adam, &mut losses));
         let tables: Vec<_> = tables.iter_mut().zip(scatters).map(RwLock::new).collect();
         let shards: Vec<_> = shards.iter_mut().map(RwLock::new).collect();
-        let losses = Mutex::new(Vec::new());
         work_together(threads, |member| {
             let (mut transposed, mut sum) = (Vec::new(), Vec::new());
             for step in &steps {
@@ -247,16 +247,16 @@ impl Trainer {
                         table.step(&scatter.gradient, &scatter.touched, step.rates.of_tables(step.adam_step));
                     }
                     if member.owns(tables.len()) {
-                        let (network, adam) = &mut *write(&network);
+                        let (network, adam, losses) = &mut *write(&network);
                         add_up(network, step.rates, &shards, &mut sum);
                         adam.step(0, &mut network.parameters, &sum, step.rates.network, step.adam_step);
-                        losses.lock().unwrap_or_else(PoisonError::into_inner).push(mean_loss(&shards, batch));
+                        losses.push(mean_loss(&shards, batch));
                     }
                 }
                 member.wait();
             }
         });
-        losses.into_inner().unwrap_or_else(PoisonError::into_inner)
+        losses
     }
 
     /// The gradients of a step over `batch` pairs, which counts as done. Returns the mean loss.
