@@ -7,11 +7,11 @@
 #include "lib/queue.glsl"
 
 void main() {
-    uint place = gl_GlobalInvocationID.x;
-    if (place >= queue_length(bounce, QUEUE_MISS)) {
+    Queued queued = queue_of(bounce, QUEUE_MISS);
+    if (gl_GlobalInvocationID.x >= queued.count) {
         return;
     }
-    uint slot = queue_slot(QUEUE_MISS, place);
+    uint slot = queue_slot(QUEUE_MISS, queued, gl_GlobalInvocationID.x);
     vec3 radiance = environment_radiance(scene, pool.direction.at[slot].xyz);
     float bsdf_pdf = pool.origin.at[slot].w;
     float weight = bsdf_pdf == 0.0 ? 1.0 : mis_weight(bsdf_pdf, environment_pdf(lights_of(scene), radiance));

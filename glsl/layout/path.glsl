@@ -18,7 +18,7 @@ layout(buffer_reference, scalar, buffer_reference_align = 4) buffer UIntArray {
     uint at[];
 };
 
-// An indirect dispatch and, behind it, how many slots are queued: groups.x = ceil(count / workgroup size).
+// An indirect dispatch, enough for what is queued at both ends, and how many slots are queued at this one.
 struct QueueCounter {
     uvec3 groups;
     uint count;
@@ -61,8 +61,8 @@ struct PathPool {
     Vec4Array shadow_origin;     // by place in the shadow queue. xyz: origin; w: contribution.r
     Vec4Array shadow_direction;  // xyz: to the light, not normalised, the light being at t = 1 (or infinitely far); w: contribution.g
     UVec2Array shadow_path;      // slot; bits of contribution.b
-    UIntArray queue;             // [queue][capacity]: path slots
-    QueueCounterArray counters;  // [bounce][queue_count()]
+    UIntArray queue;             // [queue][capacity]: path slots, lib/queue.glsl
+    QueueCounterArray counters;  // [near end, far end][max_depth + 1][queue_count()]
 };
 
 #endif

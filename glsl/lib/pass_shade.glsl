@@ -99,9 +99,9 @@ void pass_shade() {
     // All invocations shade, those beyond the queue's end its last path once more, and only what they store depends on it:
     // so most loads come before control flow begins.
     uint queue = queue_of_family(FAMILY, variant);
-    uint length = queue_length(bounce, queue);
-    bool has_path = gl_GlobalInvocationID.x < length;
-    uint slot = queue_slot(queue, min(gl_GlobalInvocationID.x, length - 1u));
+    Queued queued = queue_of(bounce, queue);
+    bool has_path = gl_GlobalInvocationID.x < queued.count;
+    uint slot = queue_slot(queue, queued, min(gl_GlobalInvocationID.x, queued.count - 1u));
     Lights lights = lights_of(scene);
     vec4 origin = pool.origin.at[slot];
     Receiver left = receiver_at(origin.xyz, HAS_LIGHT_TREE ? UVec4Array(uvec2(pool.radiance)).at[slot].w : NO_NORMAL);

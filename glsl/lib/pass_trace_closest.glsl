@@ -10,10 +10,10 @@
 const bool ONE_FAMILY = (FAMILY_MASK & (FAMILY_MASK - 1u)) == 0u;
 
 void pass_trace_closest() {
-    uint place = gl_GlobalInvocationID.x;
-    uint length = bounce == 0u ? pixel_count * samples_per_pixel : queue_length(bounce, QUEUE_TRACE);
-    bool has_path = place < length;
-    uint slot = has_path && bounce != 0u ? queue_slot(QUEUE_TRACE, place) : has_path ? place : 0u;
+    uint n = gl_GlobalInvocationID.x;
+    Queued queued = queue_of(bounce, QUEUE_TRACE);
+    bool has_path = n < (bounce == 0u ? pixel_count * samples_per_pixel : queued.count);
+    uint slot = has_path && bounce != 0u ? queue_slot(QUEUE_TRACE, queued, n) : has_path ? n : 0u;
     // All invocations trace: a traversal may need the whole subgroup. A ray that ends before it starts meets nothing.
     vec3 origin = pool.origin.at[slot].xyz;
     vec3 direction = pool.direction.at[slot].xyz;

@@ -7,9 +7,9 @@
 
 void pass_trace_shadow() {
     // All invocations trace: a traversal may need the whole subgroup. A ray that ends before it starts meets nothing.
-    uint length = queue_length(bounce, QUEUE_SHADOW);
-    bool has_ray = gl_GlobalInvocationID.x < length;
-    uint place = has_ray ? gl_GlobalInvocationID.x : 0u;
+    Queued queued = queue_of(bounce, QUEUE_SHADOW);
+    bool has_ray = gl_GlobalInvocationID.x < queued.count;
+    uint place = has_ray ? queue_place(queued, gl_GlobalInvocationID.x) : 0u;
     vec4 origin = pool.shadow_origin.at[place];
     vec4 direction = pool.shadow_direction.at[place];
     bool occluded = trace_any(origin.xyz, direction.xyz, has_ray ? 1.0 : -1.0);

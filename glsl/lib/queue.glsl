@@ -10,13 +10,22 @@
 
 layout(local_size_x_id = 0) in;
 
-uint counter_of(uint bounce, uint queue) {
-    return bounce * queue_count() + queue;
-}
-
 // All that runs asks for the same words of a queue: on GPUs one of a workgroup asks for all of it. On CPU drivers one of a subgroup
 // does, as a barrier costs more there.
 layout(constant_id = 32) const bool RESERVES_BY_WORKGROUP = false;
+
+// Threads of a CPU driver that add to one word wait for one another, each time for as long as a dozen loads. They take workgroups by
+// ranges: so there the first half of a dispatch fills a queue from its beginning, and the other half from its end, by a counter of its own.
+const bool HAS_TWO_ENDS = !RESERVES_BY_WORKGROUP;
+
+bool is_at_far_end() {
+    return HAS_TWO_ENDS && gl_WorkGroupID.x >= gl_NumWorkGroups.x / 2u;
+}
+
+// Counters of the far ends stand behind all others.
+uint counter_of(uint bounce, uint queue, bool far) {
+    return ((far ? max_depth + 1u : 0u) + bounce) * queue_count() + queue;
+}
 
 // No queue.
 const uint NOWHERE = ~0u;
@@ -31,18 +40,17 @@ uint groups_of(uint invocations) {
     return (invocations + gl_WorkGroupSize.x - 1u) / gl_WorkGroupSize.x;
 }
 
-// Makes a queue, and the dispatch that takes it, longer by so many; returns its length before.
+// Makes this workgroup's end of a queue, and the dispatch that takes it, longer by so many; returns its length before.
 uint queue_extend(uint bounce, uint queue, uint count) {
-    uint counter = counter_of(bounce, queue);
-    uint base = atomicAdd(pool.counters.at[counter].count, count);
+    uint base = atomicAdd(pool.counters.at[counter_of(bounce, queue, is_at_far_end())].count, count);
     uint more_groups = groups_of(base + count) - groups_of(base);
     if (more_groups != 0u) {
-        atomicAdd(pool.counters.at[counter].groups.x, more_groups);
+        atomicAdd(pool.counters.at[counter_of(bounce, queue, false)].groups.x, more_groups);
     }
     return base;
 }
 
-// A place at the end of the queue that each invocation names, or of none. `queues` has a bit for each that may be named. To be
+// A place in the queue that each invocation names, or of none. `queues` has a bit for each that may be named. To be
 // called by all invocations of the workgroup, together.
 uint queue_reserve(uint bounce, uint queue, uint queues) {
     uint own = gl_LocalInvocationIndex;
@@ -77,7 +85,7 @@ uint queue_reserve(uint bounce, uint queue, uint queues) {
         barrier();
         place += queue == NOWHERE ? 0u : reserved_base[queue];
     }
-    return place;
+    return is_at_far_end() ? capacity - 1u - place : place;
 }
 
 void queue_push(uint bounce, uint queue, uint queues, uint slot) {
@@ -87,12 +95,24 @@ void queue_push(uint bounce, uint queue, uint queues, uint slot) {
     }
 }
 
-uint queue_length(uint bounce, uint queue) {
-    return pool.counters.at[counter_of(bounce, queue)].count;
+// What a pass takes: those from the beginning, then those from the end.
+struct Queued {
+    uint near;      // how many from the beginning
+    uint count;     // all
+};
+
+Queued queue_of(uint bounce, uint queue) {
+    uint near = pool.counters.at[counter_of(bounce, queue, false)].count;
+    return Queued(near, near + (HAS_TWO_ENDS ? pool.counters.at[counter_of(bounce, queue, true)].count : 0u));
 }
 
-uint queue_slot(uint queue, uint place) {
-    return pool.queue.at[queue * capacity + place];
+// The place of the n-th.
+uint queue_place(Queued queued, uint n) {
+    return HAS_TWO_ENDS && n >= queued.near ? capacity - 1u - (n - queued.near) : n;
+}
+
+uint queue_slot(uint queue, Queued queued, uint n) {
+    return pool.queue.at[queue * capacity + queue_place(queued, n)];
 }
 
 #endif

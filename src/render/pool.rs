@@ -81,7 +81,7 @@ impl Pool {
         let queues = u64::from(queue_count(features));
         let bounces = u64::from(settings.max_depth) + 1;
         let empty = QueueCounter { groups: [0, 1, 1], count: 0 };
-        let empty_counters = upload.buffer("empty queue counters", &vec![empty; (bounces * queues) as usize])?;
+        let empty_counters = upload.buffer("empty queue counters", &vec![empty; (2 * bounces * queues) as usize])?;
         let counters = Buffer::new(device, "queue counters", empty_counters.size(), Memory::Device)?;
         let table = PathPool {
             origin: array("ray origins", 16, true)?,
