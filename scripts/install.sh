@@ -21,9 +21,11 @@ fi
 
 version=$(sed -n 's/^version = "\(.*\)"/\1/p' Cargo.toml | head -n 1)
 
-install -Dm755 "$built/neubrdf" "$root/bin/neubrdf"
-install -Dm755 "$built/libneubrdf.so" "$root/lib/libneubrdf.so"
+# Without what debuggers alone read, which is nine tenths of them.
+install -s -Dm755 "$built/neubrdf" "$root/bin/neubrdf"
+install -s -Dm755 "$built/libneubrdf.so" "$root/lib/libneubrdf.so"
 install -Dm644 "$built/libneubrdf.a" "$root/lib/libneubrdf.a"
+strip --strip-debug "$root/lib/libneubrdf.a"
 install -Dm644 src/capi/neubrdf.h "$root/include/neubrdf.h"
 install -Dm644 src/capi/FindNeuBRDF.cmake "$root/share/neubrdf/cmake/FindNeuBRDF.cmake"
 mkdir -p "$root/lib/pkgconfig"

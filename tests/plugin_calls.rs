@@ -132,11 +132,13 @@ fn a_frame_only_records() {
             let mut commands = host.wrap(&device, &recording);
             let ticket = renderer.record(&mut commands, &Frame::new(2, &targets)).unwrap();
             commands.finish().unwrap();
-            heap.push(ALLOCATIONS.get() - before);
+            let recorded = ALLOCATIONS.get() - before;
             assert_eq!(layer::made() - made, 0, "round {round}");
             host.submit(&recording);
             host.wait(recording);
+            let before = ALLOCATIONS.get();
             assert!(renderer.complete(ticket).is_some());
+            heap.push(recorded + ALLOCATIONS.get() - before);
             assert_eq!(layer::made() - made, 0, "round {round}");
             host.free_buffer(buffer);
         }
@@ -242,6 +244,72 @@ unsafe impl HostAllocator for Pieces {
         unsafe { self.device.free_memory(memory.memory, None) };
         self.alive.fetch_sub(1, Ordering::SeqCst);
     }
+}
+
+/// What goes while a frame is recorded is freed when a frame is known to be done, not by what records.
+#[test]
+fn a_frame_frees_nothing() {
+    in_lavapipe_hosts(|host| {
+        let _turn = layer::begin();
+        let pieces = Pieces::of(host);
+        let alive = || pieces.alive.load(Ordering::SeqCst);
+        let device = lend(host, Some(pieces.clone())).unwrap();
+        let mut renderer = Renderer::new(&device, scene(), &options_of(host)).unwrap();
+        let one = alive();
+        let other = Renderer::new(&device, scene(), &options_of(host)).unwrap();
+        let recording = host.begin();
+        let mut commands = host.wrap(&device, &recording);
+        drop(other);
+        let both = alive();
+        assert!(both > one);
+        let ticket = renderer.record(&mut commands, &Frame::new(1, &[])).unwrap();
+        commands.finish().unwrap();
+        assert_eq!(alive(), both);
+        host.submit(&recording);
+        host.wait(recording);
+        assert!(renderer.complete(ticket).is_some());
+        assert!(alive() <= one, "and what the first one had uploaded from");
+    });
+}
+
+/// Memory that an allocator should not have given is an error that says so, and is given back.
+#[test]
+fn memory_that_does_not_do_is_refused() {
+    type Spoil = fn(&mut HostMemory);
+    struct Spoilt(Arc<Pieces>, Memory, Spoil);
+    // SAFETY: what is wrong with it is what must be found.
+    unsafe impl HostAllocator for Spoilt {
+        fn allocate(&self, request: &MemoryRequest) -> Option<HostMemory> {
+            let mut memory = self.0.allocate(request)?;
+            if request.memory == self.1 {
+                self.2(&mut memory);
+            }
+            Some(memory)
+        }
+
+        fn free(&self, memory: HostMemory) {
+            self.0.free(memory);
+        }
+    }
+    in_lavapipe_hosts(|host| {
+        let _turn = layer::begin();
+        let cases: [(Memory, Spoil, &str); 4] = [
+            (Memory::Device, |memory| memory.offset = 4, "alignment"),
+            (Memory::Upload, |memory| memory.mapped = std::ptr::null_mut(), "`mapped`"),
+            (Memory::Readback, |memory| memory.mapped = std::ptr::null_mut(), "`mapped`"),
+            (Memory::Readback, |memory| memory.properties = vk::MemoryPropertyFlags::empty(), "HOST_COHERENT"),
+        ];
+        for (memory, spoil, words) in cases {
+            let pieces = Pieces::of(host);
+            let made = lend(host, Some(Arc::new(Spoilt(pieces.clone(), memory, spoil))))
+                .map_err(Error::from)
+                .and_then(|device| Renderer::new(&device, scene(), &options_of(host)));
+            let error = made.map(drop).unwrap_err();
+            assert!(matches!(error, Error::Gpu(gpu::Error::HostAllocator { .. })), "{error}");
+            assert!(error.to_string().contains(words), "{error}");
+            assert_eq!(pieces.alive.load(Ordering::SeqCst), 0);
+        }
+    });
 }
 
 fn assert_out_of_memory(error: &Error) {

@@ -58,6 +58,7 @@ impl From<gpu::Error> for Failure {
             gpu::Error::OutOfMemory { .. } | gpu::Error::BufferTooLarge { .. } => NeubrdfResult::OutOfMemory,
             gpu::Error::DeviceLost { .. } => NeubrdfResult::DeviceLost,
             gpu::Error::Unfit { .. } => NeubrdfResult::UnfitDevice,
+            gpu::Error::HostAllocator { .. } => NeubrdfResult::InvalidArgument,
             _ => NeubrdfResult::Vulkan,
         };
         Failure { result, message: error.to_string() }

@@ -9,7 +9,7 @@ use bytemuck::Pod;
 use super::commands::Commands;
 use super::device::{Device, Retired};
 use super::error::{Error, Result};
-use super::memory::Allocation;
+use super::memory::{Allocation, Refusal};
 
 /// Acceleration structures and their scratch memory want it (the specification's 256, and no device more for scratch).
 const ALIGNMENT: u64 = 256;
@@ -89,9 +89,10 @@ impl Buffer {
         let mut requirements = unsafe { device.raw.get_buffer_memory_requirements(raw) };
         requirements.alignment = requirements.alignment.max(ALIGNMENT);
         let allocation = match &device.memory {
-            Some(source) => source.allocate(name, requirements, memory).map_err(|words| match words {
-                Some(words) => device.out_of_memory(&format!("{name} ({words})"), bytes),
-                None => device.out_of_memory(name, bytes),
+            Some(source) => source.allocate(name, requirements, memory).map_err(|refusal| match refusal {
+                Refusal::NoneLeft(Some(words)) => device.out_of_memory(&format!("{name} ({words})"), bytes),
+                Refusal::NoneLeft(None) => device.out_of_memory(name, bytes),
+                Refusal::Unfit(flaw) => Error::HostAllocator { buffer: name.to_string(), flaw },
             }),
             None => Err(device.out_of_memory(name, bytes)),
         };

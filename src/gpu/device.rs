@@ -383,10 +383,9 @@ impl Device {
         recording
     }
 
-    /// The recording was submitted, or never will be.
+    /// The recording was submitted, or never will be. Frees nothing: this may be in a host's frame.
     pub(super) fn close_recording(&self, recording: u64) {
         lock(&self.graveyard).open.retain(|open| *open != recording);
-        self.free_retired();
     }
 
     /// Destroys the object as soon as no work can use it any longer.
@@ -399,7 +398,7 @@ impl Device {
     }
 
     /// Destroys the retired objects that no work can use any longer.
-    pub(super) fn free_retired(&self) {
+    pub(crate) fn free_retired(&self) {
         let Ok(completed) = self.completed() else { return };
         let mut graveyard = lock(&self.graveyard);
         // Read after the lock: whatever closed a recording has counted its submission by then.

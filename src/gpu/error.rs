@@ -75,6 +75,14 @@ pub enum Error {
         /// The device's name.
         device: String,
     },
+    /// What a host's allocator gave cannot be a buffer's memory; it was given back.
+    #[error("the host's allocator, asked for buffer {buffer}: {flaw}")]
+    HostAllocator {
+        /// The buffer's name.
+        buffer: String,
+        /// What is wrong with it.
+        flaw: &'static str,
+    },
     /// The device stopped working: a driver fault, a hang, or a bad address in a kernel.
     #[error(
         "{device} was lost during or after pass {}; update the driver, or report this with the scene and `neubrdf info`",

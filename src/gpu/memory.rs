@@ -65,6 +65,14 @@ pub(super) enum Source {
     Host(Arc<dyn HostAllocator>),
 }
 
+/// Why there is no memory.
+pub(super) enum Refusal {
+    /// None is left, with words of gpu-allocator's if it has any.
+    NoneLeft(Option<String>),
+    /// What a host's allocator gave does not do.
+    Unfit(&'static str),
+}
+
 /// Memory of a buffer.
 pub(super) enum Allocation {
     Block(Block),
@@ -72,13 +80,13 @@ pub(super) enum Allocation {
 }
 
 impl Source {
-    /// Memory that meets the requirements; on failure the words for it, none if none is left.
+    /// Memory that meets the requirements.
     pub fn allocate(
         &self,
         name: &str,
         requirements: vk::MemoryRequirements,
         memory: Memory,
-    ) -> Result<Allocation, Option<String>> {
+    ) -> Result<Allocation, Refusal> {
         match self {
             Source::Blocks(allocator) => {
                 let block = lock(allocator).allocate(&AllocationCreateDesc {
@@ -93,14 +101,24 @@ impl Source {
                     allocation_scheme: AllocationScheme::GpuAllocatorManaged,
                 });
                 block.map(Allocation::Block).map_err(|error| match error {
-                    gpu_allocator::AllocationError::OutOfMemory => None,
-                    other => Some(other.to_string()),
+                    gpu_allocator::AllocationError::OutOfMemory => Refusal::NoneLeft(None),
+                    other => Refusal::NoneLeft(Some(other.to_string())),
                 })
             }
             Source::Host(allocator) => {
                 let vk::MemoryRequirements { size, alignment, memory_type_bits, .. } = requirements;
                 let request = MemoryRequest { name, size, alignment, memory_type_bits, memory };
-                allocator.allocate(&request).map(Allocation::Host).ok_or(None)
+                let given = allocator.allocate(&request).ok_or(Refusal::NoneLeft(None))?;
+                if given.memory == vk::DeviceMemory::null() {
+                    return Err(Refusal::Unfit("VkDeviceMemory is null"));
+                }
+                match flaw(&given, &request) {
+                    None => Ok(Allocation::Host(given)),
+                    Some(flaw) => {
+                        allocator.free(given);
+                        Err(Refusal::Unfit(flaw))
+                    }
+                }
             }
         }
     }
@@ -117,6 +135,20 @@ impl Source {
             _ => {}
         }
     }
+}
+
+/// What of a host's memory would go wrong far from here.
+fn flaw(given: &HostMemory, request: &MemoryRequest) -> Option<&'static str> {
+    use vk::MemoryPropertyFlags as Properties;
+    let is_mapped =
+        !given.mapped.is_null() && given.properties.contains(Properties::HOST_VISIBLE | Properties::HOST_COHERENT);
+    if !given.offset.is_multiple_of(request.alignment) {
+        return Some("offset is no multiple of the alignment that was asked for");
+    }
+    if request.memory != Memory::Device && !is_mapped {
+        return Some("memory for the CPU needs `mapped`, and HOST_VISIBLE and HOST_COHERENT among `properties`");
+    }
+    None
 }
 
 impl Allocation {

@@ -361,6 +361,8 @@ impl Renderer {
         while self.retired.front().is_some_and(|(number, _)| *number <= self.completed) {
             self.retired.pop_front();
         }
+        // Also what others let go of while this was recorded.
+        self.device.free_retired();
         let pending = (self.recorded - self.completed) as usize;
         self.recordings.drain(..self.recordings.len() - pending);
         self.slots.status(ticket)

@@ -100,20 +100,19 @@ impl Slots {
         }
         let words = self.words(ticket)?;
         let error = frame.has_error.then(|| {
-            let sums = words[..REJECTED as usize].iter().map(|word| f64::from(f32::from_bits(*word)));
+            let sums = words[..REJECTED as usize].iter().map(|word| f64::from(f32::from_le_bytes(*word)));
             sums.sum::<f64>() / frame.pixels as f64
         });
-        Some(Status { samples: frame.samples, error, rejected: words[REJECTED as usize] })
+        Some(Status { samples: frame.samples, error, rejected: u32::from_le_bytes(words[REJECTED as usize]) })
     }
 
     /// How far the device has come with that recording.
     pub(super) fn mark(&self, ticket: u64) -> Mark {
-        self.words(ticket).map_or(Mark::Waiting, |words| Mark::of(words[MARK as usize]))
+        self.words(ticket).map_or(Mark::Waiting, |words| Mark::of(u32::from_le_bytes(words[MARK as usize])))
     }
 
-    fn words(&self, ticket: u64) -> Option<Vec<u32>> {
+    fn words(&self, ticket: u64) -> Option<&[[u8; 4]]> {
         let offset = self.offset(ticket) as usize;
-        let bytes = self.buffer.mapped()?.get(offset..offset + STRIDE as usize)?;
-        Some(bytes.as_chunks().0.iter().map(|word| u32::from_le_bytes(*word)).collect())
+        Some(self.buffer.mapped()?.get(offset..offset + STRIDE as usize)?.as_chunks().0)
     }
 }
