@@ -499,6 +499,27 @@ fn sobol_errs_less_than_independent_numbers() {
     driver.finish();
 }
 
+/// Half of the light samples of a scene with lamps and a sky are the lamps', and as well spread as if there were no sky.
+#[test]
+fn a_sky_leaves_the_lamps_their_strata() {
+    let Some(driver) = driver(LAVAPIPE) else { return };
+    let mut lit_by_lamps = still_life(diffuse(0.5));
+    lit_by_lamps.environment = None;
+    let mut with_sky = lit_by_lamps.clone();
+    let mut texels = vec![Vec3::splat(1e-7); 64 * 32];
+    texels[700] = Vec3::splat(1e-4);
+    with_sky.environment = Some(Environment { width: 64, height: 32, texels, rotation_degrees: 0.0 });
+    let by = |scene: &Scene, seed, samples| {
+        let settings = Settings { seed, max_depth: 2, features: false, ..settings() };
+        render(&driver.device, scene, &settings, &bvh(), samples)
+    };
+    let mse = |scene: &Scene, samples| Metrics::of(&by(scene, 1, samples), &by(scene, 99, 4096), 0.0).unwrap().mse;
+    let (alone, beside) = (mse(&lit_by_lamps, 64), mse(&with_sky, 128));
+    println!("MSE {beside:e} against {alone:e}");
+    assert!(beside < 1.5 * alone, "MSE {beside:e} against {alone:e}");
+    driver.finish();
+}
+
 /// The estimate of the error falls as the error does, and `--error` ends a render.
 #[test]
 fn the_error_limit_ends_a_render() {

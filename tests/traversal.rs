@@ -351,12 +351,32 @@ fn invocations_that_walk_alone_as_on_gpus_find_what_packets_find() {
             let lone = Intersector::alone(device, &scene).unwrap();
             for query in [Query::Closest, Query::Any] {
                 let [expected, found] = [&packets, &lone].map(|intersector| intersector.hits(&rays, query).unwrap());
-                let differ = (0..count).filter(|i| expected[*i].instance != found[*i].instance).count();
-                // At edges the first triangle that was tried stays, and they try them in orders of their own.
-                assert!(differ <= count / 1000, "{name}, {query:?}: {differ} of {count} differ");
+                let differ = (0..count).filter(|i| expected[*i] != found[*i]).count();
+                println!("{name}, {query:?}: {differ} of {count} differ");
+                // Whether there is one is all that the second query is asked.
+                assert!(query == Query::Any || differ == 0, "{name}: {differ}");
                 let is_hit = |hit: &RayHit| hit.instance != RayHit::NONE;
                 assert!(expected.iter().map(is_hit).eq(found.iter().map(is_hit)), "{name}, {query:?}");
             }
+        }
+    });
+}
+
+/// A renderer's queues stand in another order each time: what a ray meets is a matter of its own, also where triangles touch.
+#[test]
+fn what_a_ray_meets_does_not_hang_on_its_neighbours() {
+    on_both_drivers(|device, name| {
+        let count = if name == LAVAPIPE { 1_000_000 } else { 20_000 };
+        for scene in [alone(sphere(40)), alone(soup(2000)), alone(room()), crowd(40)] {
+            let intersector = Intersector::new(device, &scene, Traversal::Bvh).unwrap();
+            let rays = rays(&scene, count, 13);
+            let mut order: Vec<usize> = (0..count).collect();
+            let mut random = Random(17);
+            (1..count).for_each(|last| order.swap(last, random.below(last + 1)));
+            let shuffled: Vec<Ray> = order.iter().map(|place| rays[*place]).collect();
+            let [found, others] = [&rays, &shuffled].map(|rays| intersector.hits(rays, Query::Closest).unwrap());
+            let differ = (0..count).filter(|place| others[*place] != found[order[*place]]).count();
+            assert_eq!(differ, 0, "{name}, of {count} rays in {} instances", scene.instances.len());
         }
     });
 }

@@ -30,7 +30,7 @@ void main() {
         uint index = film_index(first_pixel + slot);
         film.features.at[index].depth = depth;
         film.features.at[index].instance = hit.instance;
-        film.features.at[index].triangle = HAS_PATCHES ? hit.triangle & ~IN_PATCH : hit.triangle;
+        film.features.at[index].triangle = hit.instance == NO_HIT ? NO_HIT : HAS_PATCHES ? hit.triangle & ~IN_PATCH : hit.triangle;
         film.features.at[index].material = material_index;
     } else {
         film.first_albedo.at[slot] = vec4(albedo, 0.0);

@@ -90,13 +90,12 @@ layout(buffer_reference, scalar, buffer_reference_align = 8) readonly buffer Sce
     BvhNodeArray nodes;          // the tree over instances
     MaterialArray materials;
     TextureArray textures;
-    AliasArray light_alias;
+    AliasArray light_alias;      // of emitters (of those that a tree picks, one entry for all), and behind it of sky texels
     EmitterArray emitters;
     RadianceArray environment;
     LightNodeArray light_nodes;
     WordArray light_parents;     // of each pair of nodes, the node above
     EmitterLeafArray emitter_leaves;
-    uint light_count;            // entries of the alias table: emitters (of those that a tree picks, one for all), then sky texels, then the sun
     uint emitter_count;
     uvec2 environment_size;      // texels around, texels from zenith to nadir
     vec2 environment_rotation;   // cos and sin of the sky's turn about +y
@@ -107,7 +106,6 @@ layout(buffer_reference, scalar, buffer_reference_align = 8) readonly buffer Sce
     vec3 sun_direction;
     vec3 sun_irradiance;
     float reach;                 // longer than any chord of the scene
-    uint padding;
 };
 
 #endif

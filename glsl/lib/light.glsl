@@ -1,6 +1,6 @@
-// Lights: emissive triangles, sky texels and the sun, through one alias table. Each of these kinds has the same share of the
-// samples and is picked from by power. The densities have closed forms (src/scene/light.rs), so that neither a light nor a hit
-// looks anything up to know them. Where more than a few triangles emit, the table has one entry for all of them, and a tree picks one.
+// Lights: emissive triangles, sky texels and the sun. Each of these kinds that there are has the same share of the samples, and its own are
+// picked by power, through an alias table of their own. The densities have closed forms (src/scene/light.rs), so that neither a light nor a hit
+// looks anything up to know them. Where more than a few triangles emit, their table has one entry for all of them, and a tree picks one.
 #ifndef LIB_LIGHT
 #define LIB_LIGHT
 
@@ -17,6 +17,7 @@ layout(constant_id = 4) const bool HAS_SUN = false;
 layout(constant_id = 18) const bool HAS_EMISSION_MAPS = false;   // some emitter's emission is by a texture
 
 const bool HAS_LIGHTS = HAS_EMITTERS || HAS_UNEVEN_SKY || HAS_SUN;
+const bool HAS_KINDS = uint(HAS_EMITTERS) + uint(HAS_UNEVEN_SKY) + uint(HAS_SUN) > 1u;
 
 struct LightSample {
     vec3 to_light;   // from the shading point to the light, or just beyond the scene
@@ -31,8 +32,8 @@ struct LightSample {
 struct Lights {
     uvec2 alias;       // an AliasArray; structs do not hold references (layout/scene.glsl)
     uvec2 emitters;    // an EmitterArray
-    uint count;
     uint emitter_entries;
+    uint sky_entries;
     float emitter_density;
     float environment_density;
     float environment_floor;
@@ -40,8 +41,9 @@ struct Lights {
 };
 
 Lights lights_of(SceneTable scene) {
-    return Lights(uvec2(scene.light_alias), uvec2(scene.emitters), scene.light_count, HAS_LIGHT_TREE ? min(scene.emitter_count, 1u) : scene.emitter_count,
-                  scene.emitter_density, scene.environment_density, scene.environment_floor, light_tree_of(scene));
+    return Lights(uvec2(scene.light_alias), uvec2(scene.emitters), HAS_LIGHT_TREE ? min(scene.emitter_count, 1u) : scene.emitter_count,
+                  scene.environment_density > 0.0 ? scene.environment_size.x * scene.environment_size.y : 0u, scene.emitter_density, scene.environment_density,
+                  scene.environment_floor, light_tree_of(scene));
 }
 
 // To the bit what src/scene/light.rs computes, as small differences of it become densities.
@@ -137,24 +139,48 @@ LightSample sample_emitter(SceneTable scene, Lights lights, uint index, Receiver
     return LightSample(to_light, facing > 0.0 ? off : -off, emission, pdf, false);
 }
 
-// `u`: two 32-bit fractions. The first picks the table's entry, and what is left of it serves again for the place on the light,
-// which keeps a well-spread sequence well spread.
+struct PickedEntry {
+    uint index;
+    float rest;     // of the fraction that picked it, in [0, 1)
+};
+
+// Picks from the alias table of `count` entries that begins with the `first`. Where `count` is a power of two, a fraction of 32 bits leaves so many less
+// of them to ask an entry whether it stays, which of the texels of a large sky would be a few: `finer` has what comes behind those bits.
+PickedEntry pick_entry(Lights lights, uint first, uint count, uint fraction, uint finer) {
+    uint index, rest, more, unused;
+    umulExtended(fraction, count, index, rest);
+    umulExtended(finer, count, more, unused);
+    AliasRecord alias = AliasArray(lights.alias).at[first + index];
+    float part = unit_interval(rest + more);
+    bool stays = part < alias.keep;
+    part = stays ? part / alias.keep : (part - alias.keep) / (1.0 - alias.keep);
+    return PickedEntry(stays ? index : alias.alias, min(part, 1.0 - 6.0e-8));
+}
+
+// `u`: two 32-bit fractions. The first picks a kind of light by equal intervals, and what is left of it one of that kind and the place on it. So to each
+// kind a well-spread sequence stays well spread, however many there are of the others.
 LightSample sample_light(SceneTable scene, Lights lights, Receiver receiver, uvec2 u) {
-    uint index, rest;
-    umulExtended(u.x, lights.count, index, rest);
-    AliasRecord alias = AliasArray(lights.alias).at[index];
-    float fraction = unit_interval(rest);
-    bool keeps = fraction < alias.keep;
-    index = keeps ? index : alias.alias;
-    fraction = keeps ? fraction / alias.keep : (fraction - alias.keep) / (1.0 - alias.keep);
-    vec2 place = vec2(min(fraction, 1.0 - 6.0e-8), unit_interval(u.y));
-    if (HAS_EMITTERS && index < lights.emitter_entries) {
-        return sample_emitter(scene, lights, index, receiver, place);
+    bool has_emitters = HAS_EMITTERS && (!HAS_KINDS || lights.emitter_density > 0.0);
+    bool has_sky = HAS_UNEVEN_SKY && (!HAS_KINDS || lights.environment_density > 0.0);
+    bool has_sun = HAS_SUN && scene.sun_probability > 0.0;
+    uint kind = 0u;
+    if (HAS_KINDS) {
+        umulExtended(u.x, uint(has_emitters) + uint(has_sky) + uint(has_sun), kind, u.x);
     }
-    if (HAS_UNEVEN_SKY && !(HAS_SUN && index == lights.count - 1u)) {
-        return sample_environment(scene, lights, index - lights.emitter_entries, place);
+    bool takes_emitter = has_emitters && kind == 0u;
+    bool takes_sky = has_sky && kind == uint(has_emitters);
+    if (!takes_emitter && !takes_sky) {
+        return LightSample(scene.sun_direction * scene.reach, vec3(0.0), scene.sun_irradiance, scene.sun_probability, true);
     }
-    return LightSample(scene.sun_direction * scene.reach, vec3(0.0), scene.sun_irradiance, scene.sun_probability, true);
+    // What `unit_interval` leaves over of the second.
+    uint finer = u.y << 24u;
+    uint first = takes_sky ? lights.emitter_entries : 0u;
+    PickedEntry picked = pick_entry(lights, first, takes_sky ? lights.sky_entries : lights.emitter_entries, u.x, finer);
+    vec2 place = vec2(picked.rest, unit_interval(u.y));
+    if (HAS_UNEVEN_SKY && takes_sky) {
+        return sample_environment(scene, lights, picked.index, place);
+    }
+    return sample_emitter(scene, lights, picked.index, receiver, place);
 }
 
 #endif

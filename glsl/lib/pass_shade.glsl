@@ -86,6 +86,12 @@ bool has_dirac_lobe(Bsdf bsdf, MaterialRecord material) {
     return bsdf_is_delta(bsdf) || (FAMILY == FAMILY_COATED && material.alpha.x == 0.0);
 }
 
+// What a path's throughput is to be multiplied by to tell how much may still come of it. Inside glass radiance is ior² times as large as
+// outside, and throughput is as much smaller: a path that goes in carries no less for that.
+float importance(BsdfSample next, MaterialRecord material) {
+    return BOTH_SIDES && next.wi.z < 0.0 ? material.ior * material.ior : 1.0;
+}
+
 void push_shadow_ray(bool wanted, ShadowRay ray, uint slot) {
     uint place = queue_reserve(bounce, wanted ? QUEUE_SHADOW : NOWHERE, 1u << QUEUE_SHADOW);
     if (wanted) {
@@ -188,7 +194,7 @@ void pass_shade() {
     }
     vec3 wi = frame_to_world(surface.frame, next.wi);
     throughput *= next.weight;
-    float survival = bounce < ROULETTE_AFTER ? 1.0 : min(1.0, max(throughput.r, max(throughput.g, throughput.b)));
+    float survival = bounce < ROULETTE_AFTER ? 1.0 : min(1.0, importance(next, material) * max(throughput.r, max(throughput.g, throughput.b)));
     bool goes_on = has_path && next.pdf > 0.0 && lobe_roulette.y < survival
         && frame_is_consistent(surface.frame, wi, next.wi);
     if (goes_on) {

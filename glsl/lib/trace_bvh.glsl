@@ -28,8 +28,17 @@ const uint END = BVH_LEAF | 7u << BVH_LEAF_COUNT_SHIFT;
 // JCGT 2013, who moves the far ends out; this way it holds against the ray's end too).
 const float NEAR_SLACK = 1.0 - 3.6e-7;
 
+// And by that much of the scene's size: a triangle's t is rounded as its far corners are, and may be before its box. Whether it is found would
+// else hang on what was found before.
+const float TRIANGLE_SLACK = 1e-5;
+
 // A ray's end, so that no ray reaches the boxes at +∞ of children that are not there.
 const float FARTHEST = 3.4e38;
+
+// The ray as it is in the world, and the instance that is walked through.
+vec3 world_origin;
+vec3 world_direction;
+uint walked_instance;
 
 // A ray made ready for box tests. Along an axis that it is parallel to it is as wide as its origin's rounding, so that it
 // meets the boxes that it touches; 1/d is large there, but finite, so that no product with it is 0·∞.
@@ -48,7 +57,8 @@ BoxRay box_ray(vec3 origin, vec3 direction) {
     BoxRay ray;
     bvec3 is_parallel = lessThan(abs(direction), vec3(1e-18));
     vec3 width = mix(vec3(0.0), abs(origin) * 3e-7 + 1e-18, is_parallel);
-    ray.near_origin = origin + width;
+    vec3 slack = direction * (TRIANGLE_SLACK * scene.reach * inversesqrt(dot(world_direction, world_direction)));
+    ray.near_origin = origin + mix(slack, width, is_parallel);
     ray.far_origin = origin - width;
     ray.far_scale = mix(1.0 / direction, vec3(1e30), is_parallel);
     ray.near_scale = ray.far_scale * NEAR_SLACK;
@@ -88,10 +98,16 @@ Stack stacks[2];
 const uint TOP = 0u;
 const uint MESH = 1u;
 
-// The ray as it is in the world, and the instance that is walked through: what holes are asked by.
-vec3 world_origin;
-vec3 world_direction;
-uint walked_instance;
+// Of triangles at the same t the lowest of the lowest instance is met. Were it the first that is tried, what a ray meets would hang on the rays
+// that walk along.
+bool comes_first(float t, uint triangle, float t_max, uint nearest) {
+    return t < t_max || triangle < nearest;
+}
+
+// The number before a positive one; of another, one that is not positive either.
+float number_before(float positive) {
+    return positive > 0.0 ? uintBitsToFloat(floatBitsToUint(positive) - 1u) : positive;
+}
 
 // Whether the ray goes through a triangle that it meets.
 bool goes_through(uint triangle) {
@@ -167,7 +183,7 @@ Hit trace(vec3 origin, vec3 direction, bool any, float t_max) {
             mat4x3 to_object = scene.instances.at[index].world_to_object;
             vec3 object_origin = to_object * vec4(origin, 1.0);
             vec3 object_direction = mat3(to_object) * direction;
-            float end = usable_end(object_origin, object_direction, t_max);
+            float end = usable_end(object_origin, object_direction, index > hit.instance ? number_before(t_max) : t_max);
             MeshRecord mesh = MeshRecord(scene.meshes.at[scene.instances.at[index].mesh]);
             walked_instance = index;
             uint triangle = trace_mesh(mesh, object_origin, object_direction, any, end);
@@ -181,12 +197,12 @@ Hit trace(vec3 origin, vec3 direction, bool any, float t_max) {
     return hit;
 }
 
-// The nearest triangle with 0 < t < t_max.
+// The nearest triangle with 0 < t <= t_max.
 Hit trace_closest(vec3 origin, vec3 direction, float t_max) {
     return trace(origin, direction, false, t_max);
 }
 
-// Whether any triangle has 0 < t < t_max.
+// Whether any triangle has 0 < t <= t_max.
 bool trace_any(vec3 origin, vec3 direction, float t_max) {
     return trace(origin, direction, true, t_max).instance != NO_HIT;
 }

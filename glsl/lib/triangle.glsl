@@ -42,7 +42,7 @@ vec3 triangle_shear(TriangleRay ray, vec3 corner) {
     return sheared;
 }
 
-// Whether a ray along z from the origin meets the triangle of sheared corners, from either side, with tmin < t < tmax, and where:
+// Whether a ray along z from the origin meets the triangle of sheared corners, from either side, with tmin < t <= tmax, and where:
 // the point is o + t d = (1 - u - v) v0 + u v1 + v v2.
 bool intersect_sheared(vec3 a, vec3 b, vec3 c, float tmin, float tmax, out float t, out float u, out float v) {
     precise float weight_a = c.x * b.y - c.y * b.x;
@@ -58,7 +58,7 @@ bool intersect_sheared(vec3 a, vec3 b, vec3 c, float tmin, float tmax, out float
     v = third;
     bool front = weight_a >= 0.0 && weight_b >= 0.0 && weight_c >= 0.0;
     bool back = weight_a <= 0.0 && weight_b <= 0.0 && weight_c <= 0.0;
-    return (front || back) && determinant != 0.0 && t > tmin && t < tmax;
+    return (front || back) && determinant != 0.0 && t > tmin && t <= tmax;
 }
 
 // The same of a ray and a triangle as they are.

@@ -83,7 +83,7 @@ uint walk_alone(BvhNodeArray nodes, LeafTriangleArray triangles, BoxRay box, Tri
             LeafTriangle candidate = leaf_triangle_alone(triangles, leaf_first(current));
             float t, u, v;
             if (intersect_triangle(ray, 0.0, t_max, candidate.corner_0, candidate.corner_1, candidate.corner_2, t, u, v)
-                && !goes_through(candidate.triangle)) {
+                && comes_first(t, candidate.triangle, t_max, nearest) && !goes_through(candidate.triangle)) {
                 nearest = candidate.triangle;
                 t_max = any ? -1.0 : t;
             }

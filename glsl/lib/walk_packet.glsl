@@ -181,7 +181,7 @@ uint walk_packet(BvhNodeArray nodes, LeafTriangleArray triangles, BoxRay box, Tr
             vec3 b = sheared_corner(candidate, 1u, turned);
             vec3 c = sheared_corner(candidate, 2u, turned);
             float t, u, v;
-            if (intersect_sheared(a, b, c, 0.0, t_max, t, u, v) && !goes_through(triangle)) {
+            if (intersect_sheared(a, b, c, 0.0, t_max, t, u, v) && comes_first(t, triangle, t_max, nearest) && !goes_through(triangle)) {
                 nearest = triangle;
                 t_max = any ? -1.0 : t;
             }

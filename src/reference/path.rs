@@ -61,7 +61,8 @@ impl Reference<'_> {
             }
             if segment == 1 {
                 sample.albedo = point.color;
-                sample.normal = frame.normal;
+                // Glass keeps its side, feature channels face the viewer.
+                sample.normal = if wo_world.dot(frame.geometric) < 0.0 { -frame.normal } else { frame.normal };
             }
             if segment == max_depth {
                 break;
@@ -94,7 +95,12 @@ impl Reference<'_> {
             origin = point.leave(direction);
 
             if segment > ROULETTE_AFTER {
-                let survival = throughput.max_element().min(1.0);
+                // Radiance is ior² times as large inside glass, and throughput as much smaller.
+                let importance = match &bsdf {
+                    Bsdf::Dielectric(glass) if scattered.wi.z < 0.0 => glass.ior.powi(2),
+                    _ => 1.0,
+                };
+                let survival = (importance * throughput.max_element()).min(1.0);
                 if random.uniform() >= survival {
                     break;
                 }
@@ -179,9 +185,11 @@ impl Reference<'_> {
             let Some(hit) = self.hit(eye.as_vec3(), direction, &mut random) else {
                 return (f32::INFINITY, [plane::NO_ID; 3]);
             };
-            let mesh = &self.scene.meshes[self.scene.instances[hit.instance as usize].mesh as usize];
+            let placement = &self.placements[hit.instance as usize];
+            let point = SurfacePoint::new(&self.scene, placement, &hit, eye, direction);
+            let material = point.map_or(plane::NO_ID, |point| point.material_index);
             let depth = (f64::from(hit.t) * direction.dot(self.view.forward)) as f32;
-            (depth, [hit.instance, hit.triangle, mesh.material(hit.triangle as usize)])
+            (depth, [hit.instance, hit.triangle, material])
         };
         let seen: Vec<(f32, [u32; 3])> = (0..picture.pixels()).into_par_iter().map(seen_at).collect();
         picture.set(plane::DEPTH, Samples::F32(seen.iter().map(|(depth, _)| *depth).collect()));

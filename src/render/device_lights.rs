@@ -103,7 +103,6 @@ impl DeviceLights {
             light_parents: address(&self.tree.parents),
             emitter_leaves: address(&self.tree.leaves),
             environment: address(&self.environment),
-            light_count: lights.len() as u32,
             emitter_count: lights.triangles.len() as u32,
             environment_size: sky.map_or([0, 0], |sky| [sky.width, sky.height]),
             environment_rotation: [turn.cos(), turn.sin()],

@@ -240,7 +240,7 @@ fn table(
         nodes: placement.nodes_address(),
         materials: materials.buffer.address(),
         textures,
-        reach: 2.5 * placement.bounds().radius() + 1e-30,
+        reach: placement.reach(),
         ..lights.table
     }
 }

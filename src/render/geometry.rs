@@ -248,9 +248,9 @@ impl NextGeometry {
 }
 
 impl Placement {
-    /// [`Scene::bounds`]
-    pub fn bounds(&self) -> &Bounds {
-        &self.bounds
+    /// A length that no chord of the scene has.
+    pub fn reach(&self) -> f32 {
+        2.5 * self.bounds.radius() + 1e-30
     }
 
     /// Where the kernels find the instances.

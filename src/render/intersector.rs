@@ -123,6 +123,7 @@ impl Intersector {
             instances: geometry.placement().instances_address(),
             meshes: geometry.meshes_address(),
             nodes: geometry.placement().nodes_address(),
+            reach: geometry.placement().reach(),
             ..bytemuck::Zeroable::zeroed()
         };
         Ok(Intersector {

@@ -90,7 +90,6 @@ crate::shared_structs! {
         pub light_nodes: u64,
         pub light_parents: u64,
         pub emitter_leaves: u64,
-        pub light_count: u32,
         pub emitter_count: u32,
         pub environment_size: [u32; 2],
         pub environment_rotation: [f32; 2],
@@ -101,7 +100,6 @@ crate::shared_structs! {
         pub sun_direction: [f32; 3],
         pub sun_irradiance: [f32; 3],
         pub reach: f32,
-        pub padding: u32,
     }
 
     /// `glsl/layout/film.glsl`

@@ -117,6 +117,7 @@ impl PathTracer {
 
         let groups = device.limits().max_compute_work_group_count[0];
         let dispatchable = groups.saturating_mul(device.profile().workgroup_size) / paths_shared_by(settings);
+        let dispatchable = dispatchable.min(Pool::most_paths(&features));
         let most_paths = options.pool_paths.unwrap_or(device.profile().pool_paths).clamp(1, dispatchable);
         let pool = Pool::new(upload, useful_paths(most_paths, &crop, settings), settings, &features)?;
         let film = Film::new(upload, scene, crop, settings, pool.by_slot())?;

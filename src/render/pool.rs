@@ -63,6 +63,11 @@ pub struct Pool {
 }
 
 impl Pool {
+    /// Kernels count in 32 bits what the longest arrays hold: all queues, and what a path shares with others.
+    pub fn most_paths(features: &Features) -> u32 {
+        u32::MAX / queue_count(features).max(REUSE_FIELDS as u32)
+    }
+
     /// Makes a pool of `capacity` paths (≥ 1, and no more than one dispatch has invocations), without what the scene and the
     /// settings have no use for.
     pub fn new(upload: &mut Upload, capacity: u32, settings: &Settings, features: &Features) -> Result<Pool, Error> {

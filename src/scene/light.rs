@@ -64,13 +64,14 @@ pub struct Sun {
 /// An alias table over all lights of a scene.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LightTable {
-    /// (instance, triangle) of each emissive triangle, in ascending order; these are the table's first entries, or all together its first if there is a tree.
+    /// (instance, triangle) of each emissive triangle, in ascending order.
     pub triangles: Vec<[u32; 2]>,
     /// What picks one of these triangles where they are more than a few.
     pub tree: Option<LightTree>,
-    /// Number of environment texels in the table; they come next, and are none if the sky is even. The sun is last, if there is one.
+    /// Number of environment texels; none if the sky is even.
     pub environment_texels: u32,
-    /// Walker's alias method: entry i stays with probability `.0`, else gives way to entry `.1`.
+    /// Walker's alias method: entry i stays with probability `.0`, else gives way to entry `.1`. A table of the emissive triangles, or of one entry for all of
+    /// them if there is a tree; behind it another one, of the environment's texels.
     pub alias: Vec<(f32, u32)>,
     /// Of the samples, that emissive triangles get. 0 without any.
     pub emitter_share: f64,
@@ -272,9 +273,9 @@ impl LightTable {
             weights.truncate(1);
             weights.fill(emitted);
         }
-        let emitters = weights.len();
 
         let mut environment_texels = 0;
+        let mut texel_weights = Vec::new();
         let floor = scene.environment.as_ref().map_or(0.0, |environment| environment.mean_luminance() as f32);
         if let Some(environment) = &scene.environment
             && !environment.is_even(floor)
@@ -283,25 +284,18 @@ impl LightTable {
             for (row, texels) in environment.texels.chunks_exact(environment.width as usize).enumerate() {
                 let solid_angle = environment.solid_angle(row as u32);
                 let above_floor = |&radiance: &Vec3| f64::from((luminance(radiance) - floor).max(0.0));
-                weights.extend(texels.iter().map(|radiance| solid_angle * above_floor(radiance)));
+                texel_weights.extend(texels.iter().map(|radiance| solid_angle * above_floor(radiance)));
             }
         }
-        let from_sky: f64 = weights[emitters..].iter().sum();
-        let sun = scene.sun.map(|sun| f64::from(luminance(sun.irradiance)));
-        weights.extend(sun);
-
-        let kinds = [emitted, from_sky, sun.unwrap_or(0.0)];
+        let sun = scene.sun.map_or(0.0, |sun| f64::from(luminance(sun.irradiance)));
+        let kinds = [emitted, texel_weights.iter().sum(), sun];
         let share = 1.0 / kinds.iter().filter(|weight| **weight > FAINTEST).count() as f64;
         let density = kinds.map(|weight| if weight > FAINTEST { share / weight } else { 0.0 });
-        let others = emitters + environment_texels as usize;
-        for (entry, weight) in weights.iter_mut().enumerate() {
-            *weight *= density[usize::from(entry >= emitters) + usize::from(entry >= others)];
-        }
         LightTable {
             triangles,
             tree,
             environment_texels,
-            alias: alias_table(&weights),
+            alias: [alias_table(&weights), alias_table(&texel_weights)].concat(),
             emitter_share: density[0] * emitted,
             emitter_density: density[0],
             environment_density: density[1],
@@ -310,26 +304,20 @@ impl LightTable {
         }
     }
 
-    /// Number of entries; 0 for a scene without light.
-    pub fn len(&self) -> usize {
-        self.alias.len()
-    }
-
     /// Whether the scene has no light.
     pub fn is_empty(&self) -> bool {
-        self.alias.is_empty()
+        [self.emitter_density, self.environment_density, self.sun_probability] == [0.0; 3]
     }
 }
 
-/// Walker's alias table (Vose 1991), computed in f64 and empty if no weight is positive. An entry of weight 0 is
-/// never picked, whatever rounding leaves over.
+/// Walker's alias table (Vose 1991), computed in f64. An entry of weight 0 is never picked, whatever rounding leaves over, unless all are such.
 fn alias_table(weights: &[f64]) -> Vec<(f32, u32)> {
     let total: f64 = weights.iter().sum();
     let Some(heaviest) = (0..weights.len()).max_by(|&a, &b| weights[a].total_cmp(&weights[b])) else {
         return Vec::new();
     };
     if total <= 0.0 {
-        return Vec::new();
+        return vec![(1.0, 0); weights.len()];
     }
 
     let mut scaled: Vec<f64> = weights.iter().map(|weight| weight / total * weights.len() as f64).collect();
@@ -379,7 +367,7 @@ mod tests {
             }
         }
         assert!(alias_table(&[]).is_empty());
-        assert!(alias_table(&[0.0, 0.0]).is_empty());
+        assert_eq!(alias_table(&[0.0, 0.0]), [(1.0, 0); 2]);
     }
 
     fn material(emission: f32, emits_both_sides: bool) -> Material {
@@ -434,7 +422,7 @@ mod tests {
         let table = LightTable::with_tree(&scene, false);
         assert_eq!(table.triangles, [[0, 0], [0, 2], [1, 0], [1, 2]]);
         assert_eq!(table.environment_texels, 12);
-        assert_eq!(table.len(), 4 + 12 + 1);
+        assert_eq!(table.alias.len(), 4 + 12);
         assert_eq!(table.tree, None);
 
         let environment = scene.environment.as_ref().unwrap();
@@ -445,22 +433,16 @@ mod tests {
         assert_close(table.environment_floor.into(), mean);
         let above_mean = |texel: u32| (f64::from(brightness(texel)) - mean).max(0.0);
         let from_sky: f64 = (0..12).map(|i| above_mean(i) * environment.solid_angle(i / 4)).sum();
-        for (entry, probability) in implied(&table.alias).into_iter().enumerate() {
-            let (of_its_kind, density) = match entry {
-                0..4 => {
-                    let light = brightness_by_area[entry];
-                    (light / emitted, table.emitter_density * light)
-                }
-                4..16 => {
-                    let texel = entry as u32 - 4;
-                    let light = above_mean(texel) * environment.solid_angle(texel / 4);
-                    (light / from_sky, table.environment_density * light)
-                }
-                _ => (1.0, table.sun_probability),
-            };
-            assert_close(probability, of_its_kind / 3.0);
-            assert_close(density, probability);
+        for (probability, light) in implied(&table.alias[..4]).into_iter().zip(brightness_by_area) {
+            assert_close(probability, light / emitted);
+            assert_close(table.emitter_density * light, probability / 3.0);
         }
+        for (texel, probability) in (0..).zip(implied(&table.alias[4..])) {
+            let light = above_mean(texel) * environment.solid_angle(texel / 4);
+            assert_close(probability, light / from_sky);
+            assert_close(table.environment_density * light, probability / 3.0);
+        }
+        assert_close(table.sun_probability, 1.0 / 3.0);
     }
 
     /// Of triangles that a tree picks, the table has one entry for all; nothing else changes.
@@ -469,10 +451,8 @@ mod tests {
         let scene = scene_with_all_lights();
         let [without, with] = [false, true].map(|has_tree| LightTable::with_tree(&scene, has_tree));
         assert_eq!(with.tree.as_ref().unwrap().leaves.len(), 4);
-        assert_eq!(with.len(), 1 + 12 + 1);
-        let [all, one] = [&without, &with].map(|table| implied(&table.alias));
-        assert_close(one[0], all[..4].iter().sum());
-        one[1..].iter().zip(&all[4..]).for_each(|(found, expected)| assert_close(*found, *expected));
+        assert_eq!(with.alias[..1], [(1.0, 0)]);
+        assert_eq!(with.alias[1..], without.alias[4..]);
         assert_close(with.emitter_share, 1.0 / 3.0);
         let same = |table: &LightTable| {
             (table.triangles.clone(), table.emitter_density, table.environment_density, table.sun_probability)
@@ -520,7 +500,7 @@ mod tests {
             scene.environment = Some(rows(radiances));
             let table = LightTable::new(&scene);
             assert_eq!(table.environment_texels, texels, "{radiances:?}");
-            assert_eq!(table.len() as u32, 1 + texels + 1);
+            assert_eq!(table.alias.len() as u32, 1 + texels);
             assert_close(table.sun_probability, if texels == 0 { 1.0 / 2.0 } else { 1.0 / 3.0 });
         }
     }
