@@ -4,6 +4,7 @@ mod common;
 #[path = "common/on_wgpu.rs"]
 mod on_wgpu;
 
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
@@ -11,13 +12,18 @@ use common::neubrdf_parity::{Deviation, TOLERANCE, compare, hard_directions};
 use common::random_neubrdf::{Shape, Stream, random_neubrdf};
 use glam::{DVec3, Vec3};
 use neubrdf::export::{
-    ENTRY_POINT, Error, Exported, ExportedAnswer, ExportedModel, ExportedQuery, Language, Place, export,
+    ENTRY_POINT, Error, Exported, ExportedAnswer, ExportedModel, ExportedQuery, Language, Place, Prefix,
 };
 use neubrdf::material::LobeSampled;
 use neubrdf::scene::Brdf;
 use neubrdf::scene::brdf::{CornerWeights, Footprint, NeuBrdf, Precision};
 use on_wgpu::OnWgpu;
 use rayon::prelude::*;
+
+/// An export under the default prefix.
+fn export(models: &[(String, NeuBrdf)], language: Language, place: Place) -> Result<Exported, Error> {
+    neubrdf::export::export(models, language, place, &Prefix::default())
+}
 
 fn shipped(name: &str) -> NeuBrdf {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/materials");
@@ -131,8 +137,8 @@ fn small(language: Language, place: Place) -> Exported {
     export(&named(&[&random_neubrdf(shape, 3)]), language, place).unwrap()
 }
 
-/// The SPIR-V that glslangValidator makes of a text; `None` where it is missing.
-fn glslang(text: &str, arguments: &[&str]) -> Option<Vec<u8>> {
+/// What glslangValidator makes of a text, SPIR-V or what it says instead; `None` where it is missing.
+fn try_glslang(text: &str, arguments: &[&str]) -> Option<Result<Vec<u8>, String>> {
     let folder = tempfile::tempdir().unwrap();
     let [source, module] = ["source", "module.spv"].map(|name| folder.path().join(name));
     std::fs::write(&source, text).unwrap();
@@ -140,15 +146,20 @@ fn glslang(text: &str, arguments: &[&str]) -> Option<Vec<u8>> {
     command.args(["-V", "--target-env", "vulkan1.1", "-S", "comp", "-o"]).arg(&module).args(arguments).arg(&source);
     match command.output() {
         Ok(output) => {
-            let log = String::from_utf8_lossy(&output.stdout);
-            assert!(output.status.success() && !log.contains("WARNING"), "{log}");
-            Some(std::fs::read(module).unwrap())
+            let log = String::from_utf8_lossy(&output.stdout).into_owned();
+            let is_fine = output.status.success() && !log.contains("WARNING");
+            Some(if is_fine { Ok(std::fs::read(module).unwrap()) } else { Err(log) })
         }
         Err(error) => {
             common::skip(format_args!("glslangValidator: {error}"));
             None
         }
     }
+}
+
+/// The SPIR-V that glslangValidator makes of a text; `None` where it is missing.
+fn glslang(text: &str, arguments: &[&str]) -> Option<Vec<u8>> {
+    try_glslang(text, arguments).map(|made| made.unwrap_or_else(|log| panic!("{log}")))
 }
 
 /// SPIR-V as WGSL.
@@ -283,6 +294,175 @@ fn every_language_names_the_three_functions_and_the_buffer() {
     }
 }
 
+/// What a text defines at its top level, where no line is indented, and its macros.
+fn names_of(text: &str) -> Vec<&str> {
+    let mut names = Vec::new();
+    for line in text.lines() {
+        let code = line.split("//").next().unwrap();
+        if let Some(directive) = code.strip_prefix('#') {
+            let mut words = directive.split_whitespace();
+            names.extend(words.next().filter(|word| ["define", "ifdef", "ifndef"].contains(word)).and(words.next()));
+        } else if code.starts_with(|c: char| c.is_ascii_alphabetic() || c == '}') && !code.starts_with("using ") {
+            let declared = match code.strip_prefix("layout(") {
+                Some(rest) => rest.split_once(") ").unwrap().1,
+                None => code.trim_start_matches("metal::"),
+            };
+            let declared = declared.split(['(', '=', '{', '[', ':', ';']).next().unwrap();
+            names.extend(declared.split([' ', '>', '}']).rfind(|word| !word.is_empty()));
+        }
+    }
+    // The entry point of GLSL, and the end of `layout(local_size_x = 64) in;`.
+    names.retain(|name| !["main", "in"].contains(name));
+    names
+}
+
+#[test]
+fn every_name_of_a_module_begins_with_its_prefix() {
+    let model = random_neubrdf(Shape { surface: Some(([4, 4], 3)), has_frames: true, ..Shape::FULL }, 5);
+    let names = |language, prefix: &str| {
+        let prefix = prefix.parse().unwrap();
+        let module = neubrdf::export::export(&named(&[&model]), language, Place::default(), &prefix).unwrap();
+        names_of(&module.shader).into_iter().map(str::to_owned).collect::<Vec<_>>()
+    };
+    for language in [Language::Glsl, Language::Wgsl, Language::Hlsl, Language::Msl] {
+        let [default, gold] = ["neubrdf", "gold"].map(|prefix| names(language, prefix));
+        let begins = |name: &String| ["neubrdf_", "NeuBrdf", "NEUBRDF_"].iter().any(|form| name.starts_with(form));
+        assert!(default.iter().all(begins), "{language}: {default:?}");
+        assert!(gold.iter().all(|name| name.starts_with("gold_")), "{language}: {gold:?}");
+        let apart = |names: &[String]| names.iter().collect::<BTreeSet<_>>().len();
+        assert!(apart(&gold) > 50 && apart(&gold) == apart(&default), "{language}: {gold:?}");
+        for name in ["gold_eval", "gold_pdf", "gold_sample", "gold_Sample", "gold_sphere_cell"] {
+            assert!(gold.iter().any(|found| found == name), "{language} lacks {name}: {gold:?}");
+        }
+    }
+}
+
+/// What an engine may have in a language, and a kernel that asks the first module in even invocations, the second one in odd ones.
+fn host(language: Language) -> [&'static str; 2] {
+    match language {
+        Language::Wgsl => [
+            "const PI: f32 = 3.0;\nstruct Lobes { alpha: f32 }\nfn expm1(x: f32) -> f32 { return PI * x; }\n\
+             fn ggx_sample(x: f32) -> f32 { return expm1(x); }\n",
+            "@group(1) @binding(0) var<storage> directions: array<vec4<f32>>;\n\
+             @group(1) @binding(1) var<storage, read_write> answers: array<vec4<f32>>;\n\
+             @compute @workgroup_size(64)\n\
+             fn both(@builtin(global_invocation_id) id: vec3<u32>) {\n\
+                 let wo = directions[2u * id.x].xyz;\n\
+                 let wi = directions[2u * id.x + 1u].xyz;\n\
+                 var answer = vec4<f32>(gold_eval(0u, wo, wi), gold_pdf(0u, wo, wi));\n\
+                 if (id.x & 1u) != 0u {\n\
+                     answer = vec4<f32>(neubrdf_eval(0u, wo, wi), neubrdf_pdf(0u, wo, wi));\n\
+                 }\n\
+                 answers[id.x] = answer;\n\
+             }\n",
+        ],
+        Language::Glsl => [
+            "#version 450\nconst float PI = 3.0;\nstruct Lobes { float alpha; };\nvec3 expm1(vec3 x) { return PI * x; }\n\
+             vec3 ggx_sample(vec3 wo, vec2 alpha, vec2 u) { return expm1(wo); }\n",
+            "layout(local_size_x = 64) in;\n\
+             layout(std430, set = 1, binding = 0) readonly buffer Directions { vec4 at[]; } directions;\n\
+             layout(std430, set = 1, binding = 1) writeonly buffer Answers { vec4 at[]; } answers;\n\
+             void main() {\n\
+                 uint i = gl_GlobalInvocationID.x;\n\
+                 vec3 wo = directions.at[2u * i].xyz;\n\
+                 vec3 wi = directions.at[2u * i + 1u].xyz;\n\
+                 answers.at[i] = vec4(gold_eval(0u, wo, wi), gold_pdf(0u, wo, wi));\n\
+                 if ((i & 1u) != 0u) {\n\
+                     answers.at[i] = vec4(neubrdf_eval(0u, wo, wi), neubrdf_pdf(0u, wo, wi));\n\
+                 }\n\
+             }\n",
+        ],
+        Language::Hlsl => [
+            "static const float PI = 3.0;\nstruct Lobes { float alpha; };\nfloat3 expm1(float3 x) { return PI * x; }\n\
+             uint naga_f2u32(float x) { return uint(x); }\n",
+            "RWStructuredBuffer<float4> answers : register(u0, space1);\n\
+             [numthreads(64, 1, 1)]\n\
+             void both(uint3 id : SV_DispatchThreadID) {\n\
+                 float3 w = float3(0.6, 0.0, 0.8);\n\
+                 answers[id.x] = float4(gold_eval(0u, w, w), neubrdf_pdf(0u, w, w));\n\
+             }\n",
+        ],
+        Language::Msl => panic!("there is no compiler"),
+    }
+}
+
+#[test]
+fn two_modules_and_the_names_of_an_engine_stand_in_one_shader() {
+    let places = [0, 1].map(|binding| Place { group: 0, binding });
+    let resolutions = shipped("aluminium_brushed");
+    let exact = {
+        let mut model =
+            random_neubrdf(Shape { n_side: 4, features: 4, codes: 60, hidden: &[12, 16, 12], ..Shape::FULL }, 3);
+        model.layers[0].weights[0] = 0.1;
+        model
+    };
+    let models = [&resolutions, &exact];
+    let prefixes = ["gold", "neubrdf"].map(|prefix| prefix.parse::<Prefix>().unwrap());
+    let modules = |language| {
+        let module =
+            |i: usize| neubrdf::export::export(&named(&[models[i]]), language, places[i], &prefixes[i]).unwrap();
+        [0, 1].map(module)
+    };
+    let shader = |language| {
+        let ([engine, kernel], [gold, default]) = (host(language), modules(language).map(|module| module.shader));
+        format!("{engine}{gold}{default}{kernel}")
+    };
+    glslang(&without_zeros(&shader(Language::Hlsl)), &["-D", "-e", "both"]);
+    let compiled = glslang(&shader(Language::Glsl), &[]).map(|spirv| to_wgsl(&spirv));
+
+    let Some(gpu) = OnWgpu::new() else { return };
+    let exported = modules(Language::Wgsl);
+    let [of_gold, of_default] = [0, 1].map(|i| queries(&exported[i].models[0], models[i].wi.grid.n_side(), 1024, 1024));
+    let asked: Vec<_> = of_gold.iter().zip(&of_default).flat_map(|(even, odd)| [*even, *odd]).collect();
+    let directions: Vec<[f32; 4]> =
+        asked.iter().flat_map(|query| [query.wo, query.wi]).map(|[x, y, z]| [x, y, z, 0.0]).collect();
+    let data = exported.each_ref().map(Exported::bytes);
+    let of_host = |binding| Place { group: 1, binding };
+    let inputs =
+        [(places[0], &data[0][..]), (places[1], &data[1][..]), (of_host(0), bytemuck::cast_slice(&directions))];
+    for (text, entry_point) in [(Some(shader(Language::Wgsl)), "both"), (compiled, "main")] {
+        let Some(text) = text else { continue };
+        let answers = gpu.run::<[f32; 4]>(&text, entry_point, &inputs, of_host(1), asked.len());
+        for (index, (query, [r, g, b, pdf])) in asked.iter().zip(answers).enumerate() {
+            let found = compare(models[index % 2], Footprint::WHOLE, query.wo, query.wi, [r, g, b]);
+            assert!(found.worst <= TOLERANCE && pdf >= 0.0, "{entry_point}, {index}: {found:?}");
+        }
+    }
+}
+
+#[test]
+fn a_module_may_come_twice_but_no_two_of_one_prefix() {
+    let module = |hidden, place| {
+        let model = random_neubrdf(Shape { n_side: 2, codes: 9, hidden, ..Shape::FULL }, 1);
+        export(&named(&[&model]), Language::Glsl, place).unwrap().shader
+    };
+    let library = |[a, b]: [&str; 2]| format!("#version 450\n{a}{b}layout(local_size_x = 1) in;\nvoid main() {{}}\n");
+    let one = module(&[12, 16], Place::default());
+    glslang(&library([&one, &one]), &[]);
+    // Of other models, and bound elsewhere.
+    for other in [module(&[8, 8], Place::default()), module(&[12, 16], Place { group: 0, binding: 1 })] {
+        let Some(made) = try_glslang(&library([&one, &other]), &[]) else { return };
+        // glslang puts spaces between the words of an error.
+        let log = made.unwrap_err();
+        assert!(log.contains("have the prefix neubrdf") && log.replace(' ', "").contains("--prefix"), "{log}");
+    }
+}
+
+#[test]
+fn what_is_no_prefix_is_an_error() {
+    for word in ["", "9", "9a", "_a", "a_", "a__b", "a-b", "a b", "gl", "gl_a", "é"] {
+        let found = word.parse::<Prefix>().unwrap_err().to_string();
+        assert!(found.contains(&format!("'{word}'")) && found.contains("expected"), "{found}");
+    }
+    // There is a local variable wi_turned, and a function neubrdf_turned.
+    let model = random_neubrdf(Shape { n_side: 2, codes: 9, ..Shape::FULL }, 1);
+    for language in [Language::Glsl, Language::Wgsl, Language::Hlsl, Language::Msl] {
+        let made =
+            neubrdf::export::export(&named(&[&model]), language, Place::default(), &"wi".parse::<Prefix>().unwrap());
+        assert!(matches!(made, Err(Error::Prefix(_))), "{language}");
+    }
+}
+
 #[test]
 fn what_cannot_be_exported_is_an_error() {
     let model = random_neubrdf(Shape { n_side: 2, codes: 9, ..Shape::FULL }, 1);
@@ -329,6 +509,7 @@ fn the_command_writes_module_data_and_description() {
     assert_eq!(description["bytes"], expected.bytes().len());
     assert_eq!(description["models"][0]["first_word"], 0);
     assert_eq!(description["group"], 1);
+    assert_eq!(description["prefix"], "neubrdf");
     assert_eq!(description["data"], "denim.wgsl.bin");
 
     // In another language, of other models, beside it: the first one's data stay its own. A slash asks for a directory.
@@ -338,6 +519,9 @@ fn the_command_writes_module_data_and_description() {
     assert!(std::fs::metadata(at("denim.glsl.bin")).unwrap().len() > expected.bytes().len() as u64);
     let (succeeds, log) = run(&[&input, "--shader", "wgsl", "--group", "1", "-o", &text(&at("new/er/"))]);
     assert!(succeeds && std::fs::read_to_string(at("new/er/denim.wgsl")).unwrap() == expected.shader, "{log}");
+
+    let (succeeds, log) = run(&[&input, "--shader", "hlsl", "--prefix", "gold", "-o", &output]);
+    assert!(succeeds && std::fs::read_to_string(at("denim.hlsl")).unwrap().contains("float3 gold_eval("), "{log}");
 
     let files = || std::fs::read_dir(folder.path()).unwrap().count();
     let before = files();
@@ -364,6 +548,14 @@ fn the_command_writes_module_data_and_description() {
     );
     refused(&[&text(&at("none.neubrdf")), "--shader", "msl", "-o", &output], "none.neubrdf");
     refused(&[&input, "--shader", "spirv", "-o", &output], "expected glsl, wgsl, hlsl or msl");
+    for (prefix, wanted) in
+        [("a__b", "'a__b' for '--prefix <NAME>'"), ("gl", "expected letters"), ("wi", "another prefix")]
+    {
+        refused(&[&input, "--shader", "wgsl", "-o", &output, "--prefix", prefix], wanted);
+    }
+    for (option, value) in [("--prefix", "gold"), ("--group", "1"), ("--binding", "1")] {
+        refused(&[&input, "--mitsuba", &text(&at("mitsuba")), option, value], option);
+    }
     refused(&[&input, "--shader", "glsl"], "--output");
     refused(&[&input, "--shader", "glsl", "-o", &text(&at("there/denim.glsl"))], "there is no directory");
     refused(

@@ -7,7 +7,7 @@ use std::process::ExitCode;
 
 use anyhow::{Context, Result, bail};
 use neubrdf::converge::export_mitsuba;
-use neubrdf::export::{Exported, Language, Place, export};
+use neubrdf::export::{Exported, Language, Place, Prefix, export};
 use neubrdf::image::write_file;
 use neubrdf::render::Settings;
 use neubrdf::scene::Scene;
@@ -36,11 +36,14 @@ pub struct Arguments {
     )]
     output: Option<PathBuf>,
     /// Descriptor set, bind group or register space of the data
-    #[arg(long, default_value_t = 0, requires = "shader")]
+    #[arg(long, default_value_t = 0, requires = "shader", conflicts_with = "mitsuba")]
     group: u32,
     /// Their binding, register or buffer index
-    #[arg(long, default_value_t = 0, requires = "shader")]
+    #[arg(long, default_value_t = 0, requires = "shader", conflicts_with = "mitsuba")]
     binding: u32,
+    /// What all names of the module begin with, before an underscore: modules of different prefixes stand in one shader
+    #[arg(long, value_name = "NAME", default_value_t, requires = "shader", conflicts_with = "mitsuba")]
+    prefix: Prefix,
     /// Directory for Mitsuba 3's scene.xml and its meshes
     #[arg(long, value_name = "DIRECTORY", conflicts_with = "shader")]
     mitsuba: Option<PathBuf>,
@@ -77,7 +80,7 @@ fn write_shader(arguments: &Arguments, language: Language, output: &Path) -> Res
         models.extend(NeuBrdfPack::load(path)?.materials.into_iter().map(named));
     }
     let place = Place { group: arguments.group, binding: arguments.binding };
-    let exported = export(&models, language, place)?;
+    let exported = export(&models, language, place, &arguments.prefix)?;
 
     let module = module_path(&arguments.inputs, language, output)?;
     // Behind the whole name: X.bin would be that of X in each language, and X.json is the report of a training.
@@ -87,7 +90,8 @@ fn write_shader(arguments: &Arguments, language: Language, output: &Path) -> Res
         PathBuf::from(path)
     });
     check_outputs([&module, &data, &description].map(PathBuf::as_path), arguments.inputs.iter().map(PathBuf::as_path))?;
-    let description_text = format!("{:#}\n", describe(&exported, language, place, [&module, &data])?);
+    let description_text =
+        format!("{:#}\n", describe(&exported, language, place, &arguments.prefix, [&module, &data])?);
     for (path, bytes) in [
         (&data, exported.bytes()),
         (&description, description_text.into_bytes()),
@@ -121,6 +125,7 @@ fn describe(
     exported: &Exported,
     language: Language,
     place: Place,
+    prefix: &Prefix,
     [module, data]: [&Path; 2],
 ) -> Result<serde_json::Value> {
     let name = |path: &Path| path.file_name().map(OsStr::to_string_lossy).unwrap_or_default().into_owned();
@@ -133,6 +138,7 @@ fn describe(
         "layout": "32-bit words, little-endian, in one read-only storage buffer",
         "group": place.group,
         "binding": place.binding,
+        "prefix": prefix,
         "precision": exported.precision,
         "models": exported.models,
     }))

@@ -4,6 +4,7 @@
 //! from the same source, which build.rs has compiled to SPIR-V and naga translates.
 
 mod glsl;
+mod names;
 mod specialize;
 mod translate;
 
@@ -14,6 +15,8 @@ use serde::Serialize;
 
 use crate::render::{NeuBrdfShape, neubrdf_precision, pack_neubrdf_models};
 use crate::scene::brdf::{Flaw, NeuBrdf, Precision};
+
+pub use names::{NoPrefix, Prefix};
 
 crate::shared_structs! {
     /// The structs of `glsl/export/neubrdf.comp`.
@@ -49,7 +52,7 @@ crate::shared_structs! {
     }
 }
 
-/// The entry point that answers an array of [`ExportedQuery`], in workgroups of 64.
+/// The entry point that answers an array of [`ExportedQuery`], in workgroups of 64; under another prefix, [`Prefix::of`] it.
 pub const ENTRY_POINT: &str = "neubrdf_answer";
 
 /// A shading language.
@@ -150,6 +153,9 @@ pub enum Error {
     /// Nothing can be bound there.
     #[error("group {} and binding {}: expected at most {} for each, in MSL a binding of at most {}", .0.group, .0.binding, Place::MOST, Place::MOST_OF_MSL)]
     Place(Place),
+    /// With it a name is that of a local variable.
+    #[error("prefix '{0}': a name of the module is that of one of its local variables then, expected another prefix")]
+    Prefix(Prefix),
     /// naga, or what precedes it, refuses the module: a fault of this program.
     #[error("the module cannot be written as {language}: {message}")]
     Translation {
@@ -174,11 +180,16 @@ pub struct Exported {
 }
 
 /// Writes named models as one module and one buffer. The module is made for the widest of them; numbers are stored as f16 where that
-/// loses nothing.
+/// loses nothing. Modules of different prefixes stand in one shader together.
 ///
 /// # Errors
-/// No model, one that is not valid, or a place that no language can say.
-pub fn export(models: &[(String, NeuBrdf)], language: Language, place: Place) -> Result<Exported, Error> {
+/// No model, one that is not valid, a place that no language can say, or a prefix by which a name is that of a local variable.
+pub fn export(
+    models: &[(String, NeuBrdf)],
+    language: Language,
+    place: Place,
+    prefix: &Prefix,
+) -> Result<Exported, Error> {
     if models.is_empty() {
         return Err(Error::Nothing);
     }
@@ -207,7 +218,9 @@ pub fn export(models: &[(String, NeuBrdf)], language: Language, place: Place) ->
         Language::Glsl => glsl::module(&shape, place),
         _ => translate::module(&shape, language, place)?,
     };
-    let shader = header(language, place, &models) + &text;
+    let module = header(language, place, prefix, &models) + &prefix.apply(&text)?;
+    // WGSL has no preprocessor, and takes no name twice.
+    let shader = if language == Language::Wgsl { module } else { prefix.guard(&module) };
     Ok(Exported { shader, data, models, precision })
 }
 
@@ -219,17 +232,16 @@ impl Exported {
 }
 
 /// The comment that a module begins with.
-fn header(language: Language, place: Place, models: &[ExportedModel]) -> String {
+fn header(language: Language, place: Place, prefix: &Prefix, models: &[ExportedModel]) -> String {
     // A name from a file must not end the line. WGSL has line breaks that are no control characters.
     let ends_lines = |c: char| c.is_control() || matches!(c, '\u{2028}' | '\u{2029}' | '\\');
     let printable = |text: &str| text.replace(ends_lines, " ");
     let mut text = format!(
         "// NeuBRDFs as {language}, by neubrdf {}: the material alone.\n//\n\
          // Functions; directions are unit vectors that point away from the surface, x along the tangent, z along the normal:\n\
-         //     neubrdf_eval(model, wo, wi)      f in 1/sr, RGB, without the cosine; 0 if either is below the surface;\n\
-         //                                      of a material that varies over a texture, its average\n\
-         //     neubrdf_pdf(model, wo, wi)       the density of neubrdf_sample, per unit solid angle\n\
-         //     neubrdf_sample(model, wo, u)     wi and its pdf, 0 if there is none; u: three numbers in [0, 1)\n",
+         //     {prefix}_eval(model, wo, wi)      f in 1/sr, RGB, without the cosine; 0 if either is below the surface; of a material that varies over a texture, its average\n\
+         //     {prefix}_pdf(model, wo, wi)       the density of {prefix}_sample, per unit solid angle\n\
+         //     {prefix}_sample(model, wo, u)     wi and its pdf, 0 if there is none; u: three numbers in [0, 1)\n",
         env!("CARGO_PKG_VERSION"),
     );
     let _ = match language {

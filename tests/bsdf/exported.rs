@@ -4,7 +4,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use glam::{DVec3, Vec3};
-use neubrdf::export::{Exported, ExportedAnswer, ExportedQuery, Language, Place, export};
+use neubrdf::export::{Exported, ExportedAnswer, ExportedQuery, Language, Place, Prefix, export};
 use neubrdf::material::Prepared;
 use neubrdf::scene::brdf::NeuBrdf;
 use neubrdf::scene::{Brdf, Surface};
@@ -32,7 +32,7 @@ fn exported(brdfs: &[(String, Arc<Brdf>)]) -> Exported {
         other => panic!("{other:?}"),
     };
     let models: Vec<_> = brdfs.iter().map(|(name, brdf)| (name.clone(), model(brdf))).collect();
-    export(&models, Language::Wgsl, Place::default()).unwrap()
+    export(&models, Language::Wgsl, Place::default(), &Prefix::default()).unwrap()
 }
 
 /// The query that asks what a case asks, where materials are models.
