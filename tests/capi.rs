@@ -190,7 +190,7 @@ fn a_host_in_cpp_gets_the_bits_of_rust() {
     loaded.film = Film { width: 64, height: 48 };
     // Of the made one the first of four frames is that of the scene before the changes; the loaded one is reset after two.
     let small = Shape { n_side: 4, features: 4, codes: 60, hidden: &[12, 16, 12], ..Shape::FULL };
-    let materials = [1, 2].map(|seed| {
+    let materials = [1, 2, 3].map(|seed| {
         let file = scratch.path().join(format!("{seed}.neubrdf"));
         std::fs::write(&file, random_neubrdf(small, seed).encode(Precision::F16).unwrap()).unwrap();
         file

@@ -1,13 +1,14 @@
 //! What changes in a renderer's scene: each call a change of its own.
 
 use std::ffi::c_char;
+use std::mem::discriminant;
 
 use super::call::{Failure, NeubrdfResult, array, call, object, path, read, text};
 use super::host_mesh::{NeubrdfDeformation, update_by};
 use super::renderer::NeubrdfRenderer;
 use super::scene::{NeubrdfCamera, NeubrdfMaterial, environment, index_of, sun, transform};
 use crate::plugin::Change;
-use crate::scene::{Instance, Material, Scene, Surface};
+use crate::scene::{Brdf, Instance, Material, Scene, Surface};
 
 /// Makes changes, all or, on an error, none.
 ///
@@ -130,8 +131,9 @@ pub unsafe extern "C" fn neubrdf_renderer_set_material(
     })
 }
 
-/// Another material, from the next frame on, of a file as of `neubrdf_scene_add_material_file`; it does not emit. The file's BRDF takes the
-/// place of the material's own, if that has one that no other has.
+/// Another material, from the next frame on, of a file as of `neubrdf_scene_add_material_file`; it does not emit. The file's BRDF is
+/// shared with the materials that have it already, or takes the place of one that no other material has: a material may become another and
+/// be set back as often as one likes.
 ///
 /// # Safety
 /// `file` is a C string, `name` one or null; the renderer is alive.
@@ -153,9 +155,12 @@ pub unsafe extern "C" fn neubrdf_renderer_set_material_file(
         }
         let mut changes = Vec::new();
         if let Surface::Measured { brdf } = &mut surface {
-            let loaded = brdfs[*brdf as usize].clone();
-            *brdf = place_for_brdf(renderer.scene(), index)?;
-            changes.push(Change::Brdf { index: *brdf, brdf: loaded });
+            let (loaded, scene) = (&brdfs[*brdf as usize], renderer.scene());
+            let known = scene.brdfs.iter().position(|other| other == loaded);
+            *brdf = index_of(known.unwrap_or_else(|| place_for_brdf(scene, index, loaded)))?;
+            if known.is_none() {
+                changes.push(Change::Brdf { index: *brdf, brdf: loaded.clone() });
+            }
         }
         let material = Material::new(file.display().to_string(), surface);
         changes.push(Change::Material { index, material });
@@ -163,14 +168,19 @@ pub unsafe extern "C" fn neubrdf_renderer_set_material_file(
     })
 }
 
-/// Where a BRDF for that material goes: in the place of its own, or after the last.
-fn place_for_brdf(scene: &Scene, index: u32) -> Result<u32, Failure> {
-    let own = scene.materials.get(index as usize).map(|material| &material.surface);
-    let sharing = scene.materials.iter().filter(|material| Some(&material.surface) == own).count();
-    match own {
-        Some(Surface::Measured { brdf }) if sharing == 1 => Ok(*brdf),
-        _ => index_of(scene.brdfs.len()),
-    }
+/// Where a BRDF for that material goes: in the place of one that no other material has, or after the last. Of several such places it is one of
+/// the same kind, as kernels are built for so many NeuBRDFs; then its own, as what others had may come back.
+fn place_for_brdf(scene: &Scene, index: u32, brdf: &Brdf) -> usize {
+    let of = |material: &Material| match material.surface {
+        Surface::Measured { brdf } => Some(brdf as usize),
+        _ => None,
+    };
+    let own = scene.materials.get(index as usize).and_then(of);
+    let others = (0..).zip(&scene.materials).filter(|(other, _)| *other != index);
+    let taken: Vec<usize> = others.filter_map(|(_, material)| of(material)).collect();
+    let free = (0..scene.brdfs.len()).filter(|place| !taken.contains(place));
+    let is_of_another_kind = |place: usize| discriminant(&*scene.brdfs[place]) != discriminant(brdf);
+    free.min_by_key(|place| (is_of_another_kind(*place), Some(*place) != own)).unwrap_or(scene.brdfs.len())
 }
 
 /// Another sky, from the next frame on: as of `neubrdf_scene_set_environment`.
@@ -203,4 +213,31 @@ pub unsafe extern "C" fn neubrdf_renderer_set_sun(
 ) -> NeubrdfResult {
     // SAFETY: as the caller says.
     call(|| unsafe { update(renderer, &[Change::Sun(sun(direction, irradiance)?)]) })
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+
+    use super::*;
+    use crate::capi::scene::empty;
+    use crate::scene::brdf::{Merl, Sparse};
+
+    #[test]
+    fn a_brdf_takes_a_place_that_no_other_material_needs() {
+        let merl = Arc::new(Brdf::Merl(Merl::tabulate(|_| None)));
+        let sparse = Arc::new(Brdf::Sparse(Sparse::new(Vec::new(), true)));
+        let scene = |brdfs: &[&Arc<Brdf>], materials: &[u32]| {
+            let material = |brdf: &u32| Material::new("", Surface::Measured { brdf: *brdf });
+            let brdfs = brdfs.iter().map(|brdf| Arc::clone(brdf)).collect();
+            Scene { brdfs, materials: materials.iter().map(material).collect(), ..empty() }
+        };
+        let several = scene(&[&merl, &sparse, &merl, &merl], &[2, 1, 3]);
+        assert_eq!(place_for_brdf(&several, 0, &merl), 2, "its own");
+        assert_eq!(place_for_brdf(&several, 1, &merl), 0, "one of the kind, rather than its own of another");
+        assert_eq!(place_for_brdf(&several, 0, &sparse), 2, "its own, where none of the kind is free");
+        let shared = [0, 0];
+        assert_eq!(place_for_brdf(&scene(&[&merl, &sparse], &shared), 0, &merl), 1, "one that none has");
+        assert_eq!(place_for_brdf(&scene(&[&merl], &shared), 0, &merl), 1, "after the last");
+    }
 }

@@ -1239,8 +1239,9 @@ enum NeubrdfResult neubrdf_renderer_set_material(struct NeubrdfRenderer *rendere
                                                  const struct NeubrdfMaterial *material);
 
 /**
- * Another material, from the next frame on, of a file as of `neubrdf_scene_add_material_file`; it does not emit. The file's BRDF takes the
- * place of the material's own, if that has one that no other has.
+ * Another material, from the next frame on, of a file as of `neubrdf_scene_add_material_file`; it does not emit. The file's BRDF is
+ * shared with the materials that have it already, or takes the place of one that no other material has: a material may become another and
+ * be set back as often as one likes.
  *
  * `file` is a C string, `name` one or null; the renderer is alive.
  */

@@ -253,6 +253,21 @@ fn scene_of(scene: Scene, warnings: Vec<Warning>) -> NeubrdfScene {
 fn told(warning: &Warning) -> CString {
     CString::new(warning.to_string()).unwrap_or_default()
 }
+/// What `neubrdf_scene_create` begins with.
+pub(super) fn empty() -> Scene {
+    Scene {
+        camera: Camera { eye: Vec3::Z, target: Vec3::ZERO, up: Vec3::Y, vertical_fov_degrees: 40.0, lens: None },
+        film: Film { width: 512, height: 512 },
+        meshes: Vec::new(),
+        instances: Vec::new(),
+        materials: Vec::new(),
+        textures: Vec::new(),
+        brdfs: Vec::new(),
+        environment: None,
+        sun: None,
+    }
+}
+
 
 /// An index that is the length of a list before something was added.
 pub(super) fn index_of(length: usize) -> Result<u32, Failure> {
@@ -281,20 +296,8 @@ pub unsafe extern "C" fn neubrdf_scene_load(file: *const c_char, scene: *mut *mu
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn neubrdf_scene_create(scene: *mut *mut NeubrdfScene) -> NeubrdfResult {
     call(|| {
-        let camera = Camera { eye: Vec3::Z, target: Vec3::ZERO, up: Vec3::Y, vertical_fov_degrees: 40.0, lens: None };
-        let empty = Scene {
-            camera,
-            film: Film { width: 512, height: 512 },
-            meshes: Vec::new(),
-            instances: Vec::new(),
-            materials: Vec::new(),
-            textures: Vec::new(),
-            brdfs: Vec::new(),
-            environment: None,
-            sun: None,
-        };
         // SAFETY: as the caller says.
-        unsafe { hand_over(scene, scene_of(empty, Vec::new())) }
+        unsafe { hand_over(scene, scene_of(empty(), Vec::new())) }
     })
 }
 

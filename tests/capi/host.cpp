@@ -2,7 +2,7 @@
 // OBJ file, or a scene that it makes itself and then changes, into its image, a few frames in flight, and writes the pixels to a file.
 // A mesh of the made scene is in a vertex buffer of the engine's: with a copy on the CPU, for the BVH, or without one, for ray query.
 //
-//   host SCENE PIXELS DEVICE [MATERIAL OTHER]      SCENE: a file, `made`, or `made-on-device`; then MATERIAL and OTHER are files of two
+//   host SCENE PIXELS DEVICE [MATERIAL OTHER THIRD]      SCENE: a file, `made`, or `made-on-device`; then the last are files of three materials
 #include "neubrdf.h"
 
 #include <vulkan/vulkan.h>
@@ -317,7 +317,7 @@ static NeubrdfScene* make_scene(const Square& square, bool on_device, const char
 }
 
 // All that can change.
-static void change(NeubrdfRenderer* renderer, const Square& square, bool on_device, const char* file) {
+static void change(NeubrdfRenderer* renderer, const Square& square, bool on_device, char** files) {
     NeubrdfCamera camera = camera_at(1, 2, 2);
     CHECK(neubrdf_renderer_set_camera(renderer, &camera));
     const uint32_t instance = 1;
@@ -343,7 +343,13 @@ static void change(NeubrdfRenderer* renderer, const Square& square, bool on_devi
     NeubrdfMaterial floor = material_of(NEUBRDF_SURFACE_DIFFUSE, 0.5f, 0.0f);
     floor.texture = 1;
     CHECK(neubrdf_renderer_set_material(renderer, 0, &floor));
-    CHECK(neubrdf_renderer_set_material_file(renderer, 1, file, nullptr));
+    // Those of files come and go, as in an editor; there is room for one NeuBRDF more than at first.
+    NeubrdfMaterial metal = material_of(NEUBRDF_SURFACE_CONDUCTOR, 0.5f, 0.25f);
+    for (int i = 0; i < 12; ++i) {
+        CHECK(neubrdf_renderer_set_material_file(renderer, 1, files[i % 3], nullptr));
+        CHECK(neubrdf_renderer_set_material(renderer, 1, &metal));
+    }
+    CHECK(neubrdf_renderer_set_material_file(renderer, 1, files[1], nullptr));
     // The same once more, as an engine says it that adds maps to it.
     NeubrdfMaterial other = material_of(NEUBRDF_SURFACE_OF_MATERIAL, 0.0f, 0.0f);
     other.surface_of = 1;
@@ -441,7 +447,7 @@ static void render(const Engine& engine, const char* file, const char* output, c
     if (neubrdf_renderer_abandon(renderer, ticket) != NEUBRDF_RESULT_INVALID_ARGUMENT) std::exit(1);
     CHECK(vkResetCommandPool(engine.device, engine.pool, 0));
     for (uint32_t i = 0; i < frames; ++i) {
-        if (is_made && i == 1) change(renderer, square, on_device, materials[1]);
+        if (is_made && i == 1) change(renderer, square, on_device, materials);
         if (!is_made && i == 2) CHECK(neubrdf_renderer_reset(renderer));
         CHECK(vkBeginCommandBuffer(commands[i], &begin));
         NeubrdfTarget target{};
@@ -505,8 +511,8 @@ static void render(const Engine& engine, const char* file, const char* output, c
 }
 
 int main(int argc, char** argv) {
-    if (argc != 4 && argc != 6) {
-        std::fprintf(stderr, "usage: host SCENE PIXELS DEVICE [MATERIAL OTHER]\n");
+    if (argc != 4 && argc != 7) {
+        std::fprintf(stderr, "usage: host SCENE PIXELS DEVICE [MATERIAL OTHER THIRD]\n");
         return 2;
     }
     {
