@@ -158,7 +158,12 @@ unsafe impl HostAllocator for Callbacks {
     }
 }
 
-sized_structs! { NeubrdfHost: 56 }
+sized_structs! {
+    NeubrdfHost: 56 {
+        size, queue_family, get_instance_proc_addr, instance, physical_device, device, pipeline_cache, ray_query, debug_utils, allocate,
+        free, user,
+    }
+}
 
 /// A device lent to us.
 pub struct NeubrdfContext {

@@ -84,9 +84,20 @@ pub struct NeubrdfDeformation {
     pub lower: [f32; 3],
     /// Its upper corner.
     pub upper: [f32; 3],
+    /// Nothing: 0.
+    pub reserved: u32,
 }
 
-sized_structs! { NeubrdfDeviceMesh: 96, NeubrdfDeformation: 80 }
+sized_structs! {
+    NeubrdfDeviceMesh: 96 {
+        size, vertex_count, positions, normals, uvs, indices, position_stride, normal_stride, uv_stride, index_type, triangle_count,
+        material, materials, lower, upper,
+    }
+    NeubrdfDeformation: 80 {
+        size, by, vertex_count, position_stride, positions, normals, device_positions, device_normals, normal_stride, lower, upper,
+        reserved,
+    }
+}
 
 /// The update of that number.
 pub(super) fn update_by(by: u32) -> Result<Update, Failure> {
@@ -139,6 +150,9 @@ impl NeubrdfDeformation {
     /// # Safety
     /// Arrays and buffers are as the struct says.
     pub(super) unsafe fn change(&self, mesh: u32) -> Result<Change, Failure> {
+        if self.reserved != 0 {
+            return Err(Failure::argument(format!("NeubrdfDeformation.reserved is {}: set it to 0", self.reserved)));
+        }
         let count = self.vertex_count;
         let on_the_cpu = |pointer| unless_null(pointer, count as usize);
         // SAFETY: as the caller says.

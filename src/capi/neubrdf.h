@@ -884,6 +884,10 @@ typedef struct NeubrdfDeformation {
    */
   float upper[3];
 } NeubrdfDeformation;
+  /**
+   * Nothing: 0.
+   */
+  uint32_t reserved;
 
 #ifdef __cplusplus
 extern "C" {

@@ -222,7 +222,17 @@ pub struct NeubrdfStatus {
     pub reserved: u32,
 }
 
-sized_structs! { NeubrdfOptions: 52, NeubrdfTarget: 64, NeubrdfFrame: 24, NeubrdfStatus: 24 }
+sized_structs! {
+    NeubrdfOptions: 52 {
+        size, max_depth, seed, sampler, traversal, pool_paths, frames_in_flight, features, reserve, crop, neubrdf_count, clamp_indirect,
+        path_reuse,
+    }
+    NeubrdfTarget: 64 {
+        size, format, channel, exposure, image, layout_before, layout_after, origin, buffer, buffer_offset, buffer_bytes, image_size,
+    }
+    NeubrdfFrame: 24 { size, samples, targets, target_count, estimates_error }
+    NeubrdfStatus: 24 { size, samples, error, rejected, reserved }
+}
 
 impl NeubrdfOptions {
     fn options(&self) -> Result<Options, Failure> {

@@ -128,7 +128,14 @@ pub struct NeubrdfMaterial {
     pub anisotropy_direction_map: u32,
 }
 
-sized_structs! { NeubrdfCamera: 52, NeubrdfMesh: 56, NeubrdfMaterial: 76 }
+sized_structs! {
+    NeubrdfCamera: 52 { size, vertical_fov_degrees, eye, target, up, lens_radius, focus_distance }
+    NeubrdfMesh: 56 { size, vertex_count, positions, normals, uvs, indices, materials, triangle_count, material }
+    NeubrdfMaterial: 76 {
+        size, surface, color, texture, eta, kappa, alpha, ior, emission, emits_both_sides, transparency, opacity_texture, normal_map,
+        roughness_map, emission_texture, patch_map, patch_material, surface_of, anisotropy_direction_map,
+    }
+}
 
 impl NeubrdfCamera {
     pub(super) fn camera(&self) -> Camera {
@@ -246,13 +253,6 @@ pub(super) fn transform(rows: &[f32; 12]) -> Affine3A {
     Affine3A::from_mat3_translation(matrix, Vec3::new(rows[3], rows[7], rows[11]))
 }
 
-fn scene_of(scene: Scene, warnings: Vec<Warning>) -> NeubrdfScene {
-    NeubrdfScene { scene, host_meshes: Vec::new(), warnings: warnings.iter().map(told).collect() }
-}
-
-fn told(warning: &Warning) -> CString {
-    CString::new(warning.to_string()).unwrap_or_default()
-}
 /// What `neubrdf_scene_create` begins with.
 pub(super) fn empty() -> Scene {
     Scene {
@@ -268,6 +268,13 @@ pub(super) fn empty() -> Scene {
     }
 }
 
+fn scene_of(scene: Scene, warnings: Vec<Warning>) -> NeubrdfScene {
+    NeubrdfScene { scene, host_meshes: Vec::new(), warnings: warnings.iter().map(told).collect() }
+}
+
+fn told(warning: &Warning) -> CString {
+    CString::new(warning.to_string()).unwrap_or_default()
+}
 
 /// An index that is the length of a list before something was added.
 pub(super) fn index_of(length: usize) -> Result<u32, Failure> {

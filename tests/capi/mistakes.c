@@ -101,6 +101,11 @@ static void devices(void) {
     EXPECT(neubrdf_renderer_set_instances(NULL, NULL, NULL, 1), NEUBRDF_RESULT_INVALID_ARGUMENT, "object_to_world");
     EXPECT(neubrdf_renderer_set_top_level(NULL, 0), NEUBRDF_RESULT_INVALID_ARGUMENT, "renderer is null");
     EXPECT(neubrdf_renderer_deform(NULL, 0, NULL), NEUBRDF_RESULT_INVALID_ARGUMENT, "NeubrdfDeformation");
+    NeubrdfDeformation deformation;
+    memset(&deformation, 0, sizeof deformation);
+    deformation.size = sizeof deformation;
+    deformation.reserved = 1;
+    EXPECT(neubrdf_renderer_deform(NULL, 0, &deformation), NEUBRDF_RESULT_INVALID_ARGUMENT, "reserved is 1");
     EXPECT(neubrdf_renderer_set_material_file(NULL, 0, "", NULL), NEUBRDF_RESULT_INVALID_ARGUMENT, "renderer is null");
     neubrdf_renderer_destroy(NULL);
     neubrdf_context_destroy(NULL);
