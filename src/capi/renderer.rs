@@ -15,6 +15,8 @@ use crate::render::{Family, Features, Sampler, Settings, Traversal};
 pub struct NeubrdfRenderer {
     device: Arc<Device>,
     pub(super) renderer: Renderer,
+    /// Those of the frame that was recorded last; kept so that the next one asks the heap for nothing.
+    targets: Vec<Target>,
 }
 
 /// How rays find triangles.
@@ -379,7 +381,10 @@ pub unsafe extern "C" fn neubrdf_renderer_create(
         };
         let made = Renderer::with_host_meshes(&context.device, scene.scene.clone(), &scene.host_meshes, &options)?;
         // SAFETY: as the caller says.
-        unsafe { hand_over(renderer, NeubrdfRenderer { device: context.device.clone(), renderer: made }) }
+        unsafe {
+            let device = context.device.clone();
+            hand_over(renderer, NeubrdfRenderer { device, renderer: made, targets: Vec::new() })
+        }
     })
 }
 
@@ -430,7 +435,7 @@ pub unsafe extern "C" fn neubrdf_renderer_record_upload(
     call(|| {
         // SAFETY: as the caller says.
         unsafe {
-            let NeubrdfRenderer { device, renderer } = object(renderer, "renderer")?;
+            let NeubrdfRenderer { device, renderer, .. } = object(renderer, "renderer")?;
             let mut commands = Commands::wrap(device, command_buffer);
             let number = renderer.record_upload(&mut commands)?;
             commands.finish()?;
@@ -457,12 +462,11 @@ pub unsafe extern "C" fn neubrdf_renderer_record(
     call(|| {
         // SAFETY: as the caller says.
         unsafe {
-            let NeubrdfRenderer { device, renderer } = object(renderer, "renderer")?;
+            let NeubrdfRenderer { device, renderer, targets } = object(renderer, "renderer")?;
             let frame = read(frame)?;
-            let targets = targets(&frame)?;
+            fill_targets(targets, &frame)?;
             let mut commands = Commands::wrap(device, command_buffer);
-            let frame =
-                Frame { samples: frame.samples, targets: &targets, estimates_error: frame.estimates_error != 0 };
+            let frame = Frame { samples: frame.samples, targets, estimates_error: frame.estimates_error != 0 };
             let number = renderer.record(&mut commands, &frame)?;
             commands.finish()?;
             put(ticket, number);
@@ -471,12 +475,12 @@ pub unsafe extern "C" fn neubrdf_renderer_record(
     })
 }
 
-/// The targets of a frame, which stand as far apart as the first one's size says: all have that size.
+/// Makes the list that of a frame's targets, which stand as far apart as the first one's size says: all have that size.
 ///
 /// # Safety
 /// As of [`neubrdf_renderer_record`].
-unsafe fn targets(frame: &NeubrdfFrame) -> Result<Vec<Target>, Failure> {
-    let mut targets = Vec::new();
+unsafe fn fill_targets(targets: &mut Vec<Target>, frame: &NeubrdfFrame) -> Result<(), Failure> {
+    targets.clear();
     let mut stride = None;
     for index in 0..frame.target_count {
         // SAFETY: as the caller says.
@@ -490,7 +494,7 @@ unsafe fn targets(frame: &NeubrdfFrame) -> Result<Vec<Target>, Failure> {
         // SAFETY: as the caller says.
         targets.push(unsafe { target.target()? });
     }
-    Ok(targets)
+    Ok(())
 }
 
 /// The host knows that the recording of that number and all before it are done: gives back what they alone used. `status`, if not null, is
@@ -587,8 +591,9 @@ mod tests {
     }
 
     #[test]
-    fn targets_stand_as_far_apart_as_the_first_one_s_size_says() {
-        let read = |sizes: [usize; 2]| {
+    fn targets_stand_as_far_apart_as_the_first_one_s_size_says_and_take_no_more_of_the_heap_than_the_first_ones() {
+        let mut targets = Vec::new();
+        let mut read = |sizes: [usize; 2]| {
             let newer = [(sizes[0], 1), (sizes[1], 3)].map(|(size, format)| {
                 let target = NeubrdfTarget {
                     size: size as u32,
@@ -614,12 +619,15 @@ mod tests {
                 estimates_error: 0,
             };
             // SAFETY: two targets are there, of the first one's size; the buffer is not looked at.
-            let targets = unsafe { targets(&frame) }.ok()?;
-            Some([targets[0].format, targets[1].format])
+            unsafe { fill_targets(&mut targets, &frame) }.ok()?;
+            let formats: Vec<PixelFormat> = targets.iter().map(|target| target.format).collect();
+            Some((formats, targets.as_ptr()))
         };
         let size = size_of::<Newer>();
-        assert_eq!(read([size, size]), Some([PixelFormat::Rgba16Float, PixelFormat::Bgra8]));
+        let first = read([size, size]).unwrap();
+        assert_eq!(first.0, [PixelFormat::Rgba16Float, PixelFormat::Bgra8]);
         assert_eq!(read([size, size_of::<NeubrdfTarget>()]), None);
+        assert_eq!(read([size, size]), Some(first));
     }
 
     #[test]
