@@ -57,6 +57,35 @@ fn the_header_is_that_of_the_source() {
     assert!(found == made, "{} is stale: NEUBRDF_BLESS=1 cargo test --test capi", path.display());
 }
 
+/// The functions that the table of docs/embedding.md names, those that begin with `_` in full: they are of the object before them.
+fn functions_of_the_page() -> Vec<String> {
+    let page = std::fs::read_to_string(Path::new(ROOT).join("docs/embedding.md")).unwrap();
+    let table = page.split("| Rust | C |").nth(1).and_then(|rest| rest.split("\n\n").next()).unwrap();
+    let mut functions: Vec<String> = Vec::new();
+    for name in table.split('`').skip(1).step_by(2).map(|name| name.trim_end_matches("()")) {
+        if name.starts_with("neubrdf_") {
+            functions.push(name.to_owned());
+        } else if let Some(object) = functions.last().filter(|_| name.starts_with('_')) {
+            let object: Vec<&str> = object.splitn(3, '_').take(2).collect();
+            functions.push(object.join("_") + name);
+        }
+    }
+    functions.sort();
+    functions
+}
+
+#[test]
+fn the_page_names_every_function_of_the_header() {
+    let header = std::fs::read_to_string(Path::new(ROOT).join("src/capi/neubrdf.h")).unwrap();
+    let code = header.lines().filter(|line| !line.starts_with(" *"));
+    let called =
+        code.filter_map(|line| line.split_once('(')).filter_map(|(before, _)| before.split([' ', '*']).next_back());
+    let mut functions: Vec<&str> = called.filter(|name| name.starts_with("neubrdf_")).collect();
+    functions.sort_unstable();
+    assert!(functions.len() > 40, "{functions:?}");
+    assert_eq!(functions_of_the_page(), functions);
+}
+
 /// Runs a command to its end; `None` where the program is not installed, with all that it said where it fails.
 fn run(command: &mut Command) -> Option<String> {
     match command.output() {

@@ -431,7 +431,8 @@ typedef struct NeubrdfHost {
    */
   int32_t (*allocate)(void *user, const struct NeubrdfMemoryRequest *request, struct NeubrdfMemory *memory);
   /**
-   * Takes it back: the buffer is gone.
+   * Takes it back: the buffer is gone. Called from those threads too, and from one in `neubrdf_renderer_complete`, which gives back what the
+   * recordings that are done used alone.
    */
   void (*free)(void *user, const struct NeubrdfMemory *memory);
   /**
@@ -883,11 +884,11 @@ typedef struct NeubrdfDeformation {
    * Its upper corner.
    */
   float upper[3];
-} NeubrdfDeformation;
   /**
    * Nothing: 0.
    */
   uint32_t reserved;
+} NeubrdfDeformation;
 
 #ifdef __cplusplus
 extern "C" {
