@@ -16,7 +16,7 @@ use neubrdf::scene::{Color, Environment, Film, Instance, Mesh, Scene, Sun, Surfa
 const ROOT: &str = env!("CARGO_MANIFEST_DIR");
 
 fn header() -> String {
-    let sources = ["call", "context", "scene", "host_mesh", "renderer", "change"]
+    let sources = ["call", "context", "scene", "host_mesh", "renderer", "change", "material_file"]
         .map(|name| Path::new(ROOT).join(format!("src/capi/{name}.rs")));
     let mut config = cbindgen::Config {
         language: cbindgen::Language::C,
@@ -204,6 +204,29 @@ fn made_and_changed(file: &Path) -> Scene {
     scene
 }
 
+/// What it then makes of that for a new renderer. The bent square is still the one in the engine's buffer if that alone has it.
+fn renewed(changed: &Scene, file: &Path, on_device: bool) -> Scene {
+    let mut scene = changed.clone();
+    let albedo = Color::constant(Vec3::splat(0.5));
+    scene.materials[0].surface = Surface::Coated { albedo, ior: 1.5, alpha: 0.25 };
+    scene.brdfs = Surface::load(file, None).unwrap().1;
+    let above = Affine3A::from_scale_rotation_translation(Vec3::splat(0.5), Quat::IDENTITY, Vec3::new(0.0, 0.5, 0.0));
+    let below = Affine3A::from_translation(Vec3::new(0.0, -0.25, 0.0));
+    let place = |mesh, object_to_world| Instance { mesh, object_to_world };
+    scene.instances = vec![place(0, below), place(1, above)];
+    if !on_device {
+        scene.meshes[1].positions = scene.meshes[0].positions.clone();
+    }
+    scene
+}
+
+/// Pixels as a host writes them.
+fn pixels_of(file: &Path) -> Vec<[u32; 3]> {
+    let bytes = std::fs::read(file).unwrap();
+    let words: Vec<u32> = bytes.chunks_exact(4).map(|word| u32::from_le_bytes(word.try_into().unwrap())).collect();
+    words.chunks_exact(4).map(|pixel| [pixel[0], pixel[1], pixel[2]]).collect()
+}
+
 #[test]
 fn a_host_in_cpp_gets_the_bits_of_rust() {
     let Some(driver) = driver(LAVAPIPE) else { return };
@@ -236,13 +259,19 @@ fn a_host_in_cpp_gets_the_bits_of_rust() {
         assert!(said.contains("validation messages: 0"), "{said}");
         assert!(own_memory || said.contains("pieces of the engine's memory, 0 left"), "{said}");
         let settings = Settings { max_depth: 5, seed: 3, features: false, ..Settings::default() };
-        let expected = bits(&render(&driver.device, &scene, &settings, &Options::default(), samples));
-        let bytes = std::fs::read(&pixels).unwrap();
-        let words: Vec<u32> = bytes.chunks_exact(4).map(|word| u32::from_le_bytes(word.try_into().unwrap())).collect();
-        let found: Vec<[u32; 3]> = words.chunks_exact(4).map(|pixel| [pixel[0], pixel[1], pixel[2]]).collect();
-        assert_eq!(found.len(), expected.len());
-        let differing = found.iter().zip(&expected).filter(|(a, b)| a != b).count();
-        assert!(differing == 0, "{}: {differing} of {} pixels differ", what.display(), expected.len());
+        let check = |file: &Path, scene: &Scene, samples| {
+            let expected = bits(&render(&driver.device, scene, &settings, &Options::default(), samples));
+            let found = pixels_of(file);
+            assert_eq!(found.len(), expected.len());
+            let differing = found.iter().zip(&expected).filter(|(a, b)| a != b).count();
+            let name = file.file_name().unwrap().display();
+            assert!(differing == 0, "{}, {name}: {differing} of {} pixels differ", what.display(), expected.len());
+        };
+        check(&pixels, &scene, samples);
+        if !own_memory {
+            let on_device = what == Path::new("made-on-device");
+            check(&scratch.path().join("pixels.bin.renewed"), &renewed(&scene, &materials[2], on_device), 4);
+        }
     }
     driver.finish();
 }

@@ -1,22 +1,59 @@
-//! What changes in a renderer's scene: each call a change of its own.
+//! What changes in a renderer's scene, or in one that is not rendered yet: each call a change of its own, all or, on an error, nothing.
 
-use std::ffi::c_char;
-use std::mem::discriminant;
-
-use super::call::{Failure, NeubrdfResult, array, call, object, path, read, text};
-use super::host_mesh::{NeubrdfDeformation, update_by};
+use super::call::{Failure, NeubrdfResult, array, call, object, read};
+use super::host_mesh::{NeubrdfDeformation, follow, update_by};
 use super::renderer::NeubrdfRenderer;
-use super::scene::{NeubrdfCamera, NeubrdfMaterial, environment, index_of, sun, transform};
-use crate::plugin::Change;
-use crate::scene::{Brdf, Instance, Material, Scene, Surface};
+use super::scene::{NeubrdfCamera, NeubrdfMaterial, NeubrdfScene, environment, sun, transform};
+use crate::plugin::{self, Change};
+use crate::scene::{Instance, Scene};
+
+/// What can be changed.
+pub(super) trait Changeable {
+    /// What the calls name it.
+    const NAME: &'static str;
+
+    /// As it is now.
+    fn scene(&self) -> &Scene;
+
+    /// Makes changes, all or, on an error, none.
+    fn change(&mut self, changes: &[Change]) -> Result<(), Failure>;
+}
+
+impl Changeable for NeubrdfRenderer {
+    const NAME: &'static str = "renderer";
+
+    fn scene(&self) -> &Scene {
+        self.renderer.scene()
+    }
+
+    fn change(&mut self, changes: &[Change]) -> Result<(), Failure> {
+        self.renderer.update(changes)?;
+        follow(&mut self.host_meshes, changes);
+        Ok(())
+    }
+}
+
+impl Changeable for NeubrdfScene {
+    const NAME: &'static str = "scene";
+
+    fn scene(&self) -> &Scene {
+        &self.scene
+    }
+
+    fn change(&mut self, changes: &[Change]) -> Result<(), Failure> {
+        plugin::change(&mut self.scene, changes)?;
+        follow(&mut self.host_meshes, changes);
+        Ok(())
+    }
+}
 
 /// Makes changes, all or, on an error, none.
 ///
 /// # Safety
 /// The object is alive.
-unsafe fn update(renderer: *mut NeubrdfRenderer, changes: &[Change]) -> Result<(), Failure> {
+unsafe fn update<T: Changeable>(of: *mut T, changes: &[Change]) -> Result<(), Failure> {
     // SAFETY: as the caller says.
-    Ok(unsafe { object(renderer, "renderer")? }.renderer.update(changes)?)
+    unsafe { object(of, T::NAME)? }.change(changes)
 }
 
 /// Another view, from the next frame on.
@@ -45,6 +82,22 @@ pub unsafe extern "C" fn neubrdf_renderer_set_top_level(renderer: *mut NeubrdfRe
     })
 }
 
+/// Instances that stand elsewhere.
+///
+/// # Safety
+/// As of [`neubrdf_renderer_set_transforms`].
+unsafe fn moved(instances: *const u32, object_to_world: *const f32, count: u32) -> Result<Vec<Change>, Failure> {
+    // SAFETY: as the caller says.
+    let (instances, rows) = unsafe {
+        let rows: &[[f32; 12]] = array(object_to_world.cast(), count as usize, "object_to_world")?;
+        (array(instances, count as usize, "instances")?, rows)
+    };
+    let moved = instances.iter().zip(rows);
+    Ok(moved
+        .map(|(instance, rows)| Change::Transform { instance: *instance, object_to_world: transform(rows) })
+        .collect())
+}
+
 /// Moves `count` instances, from the next frame on: the indices, and twelve floats for each, the upper three rows of its matrix. The top level
 /// over all instances follows, once.
 ///
@@ -57,19 +110,38 @@ pub unsafe extern "C" fn neubrdf_renderer_set_transforms(
     object_to_world: *const f32,
     count: u32,
 ) -> NeubrdfResult {
-    call(|| {
-        // SAFETY: as the caller says.
-        let (instances, rows) = unsafe {
-            let rows: &[[f32; 12]] = array(object_to_world.cast(), count as usize, "object_to_world")?;
-            (array(instances, count as usize, "instances")?, rows)
-        };
-        let moved = instances.iter().zip(rows);
-        let changes: Vec<Change> = moved
-            .map(|(instance, rows)| Change::Transform { instance: *instance, object_to_world: transform(rows) })
-            .collect();
-        // SAFETY: as the caller says.
-        unsafe { update(renderer, &changes) }
-    })
+    // SAFETY: as the caller says.
+    call(|| unsafe { update(renderer, &moved(instances, object_to_world, count)?) })
+}
+
+/// Moves instances of a scene: as of `neubrdf_renderer_set_transforms`.
+///
+/// # Safety
+/// The arrays have these lengths.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn neubrdf_scene_set_transforms(
+    scene: *mut NeubrdfScene,
+    instances: *const u32,
+    object_to_world: *const f32,
+    count: u32,
+) -> NeubrdfResult {
+    // SAFETY: as the caller says.
+    call(|| unsafe { update(scene, &moved(instances, object_to_world, count)?) })
+}
+
+/// Other instances.
+///
+/// # Safety
+/// As of [`neubrdf_renderer_set_instances`].
+unsafe fn placed(meshes: *const u32, object_to_world: *const f32, count: u32) -> Result<Change, Failure> {
+    // SAFETY: as the caller says.
+    let (meshes, rows) = unsafe {
+        let rows: &[[f32; 12]] = array(object_to_world.cast(), count as usize, "object_to_world")?;
+        (array(meshes, count as usize, "meshes")?, rows)
+    };
+    let placed = meshes.iter().zip(rows);
+    let instance = |(mesh, rows): (&u32, _)| Instance { mesh: *mesh, object_to_world: transform(rows) };
+    Ok(Change::Instances(placed.map(instance).collect()))
 }
 
 /// Other instances, `count` of them, at least one, from the next frame on: the mesh of each, and twelve floats, the upper three rows of its
@@ -84,17 +156,23 @@ pub unsafe extern "C" fn neubrdf_renderer_set_instances(
     object_to_world: *const f32,
     count: u32,
 ) -> NeubrdfResult {
-    call(|| {
-        // SAFETY: as the caller says.
-        let (meshes, rows) = unsafe {
-            let rows: &[[f32; 12]] = array(object_to_world.cast(), count as usize, "object_to_world")?;
-            (array(meshes, count as usize, "meshes")?, rows)
-        };
-        let placed = meshes.iter().zip(rows);
-        let instances = placed.map(|(mesh, rows)| Instance { mesh: *mesh, object_to_world: transform(rows) }).collect();
-        // SAFETY: as the caller says.
-        unsafe { update(renderer, &[Change::Instances(instances)]) }
-    })
+    // SAFETY: as the caller says.
+    call(|| unsafe { update(renderer, &[placed(meshes, object_to_world, count)?]) })
+}
+
+/// Other instances of a scene: as of `neubrdf_renderer_set_instances`.
+///
+/// # Safety
+/// The arrays have these lengths.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn neubrdf_scene_set_instances(
+    scene: *mut NeubrdfScene,
+    meshes: *const u32,
+    object_to_world: *const f32,
+    count: u32,
+) -> NeubrdfResult {
+    // SAFETY: as the caller says.
+    call(|| unsafe { update(scene, &[placed(meshes, object_to_world, count)?]) })
 }
 
 /// Another shape of a mesh, from the next frame on: its vertices lie elsewhere, its triangles connect the same ones.
@@ -111,6 +189,29 @@ pub unsafe extern "C" fn neubrdf_renderer_deform(
     call(|| unsafe { update(renderer, &[read(deformation)?.change(mesh)?]) })
 }
 
+/// Another shape of a scene's mesh: as of `neubrdf_renderer_deform`. `by` changes nothing here.
+///
+/// # Safety
+/// The arrays have these lengths; the vertices on the device are as of `neubrdf_scene_add_device_mesh`.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn neubrdf_scene_deform(
+    scene: *mut NeubrdfScene,
+    mesh: u32,
+    deformation: *const NeubrdfDeformation,
+) -> NeubrdfResult {
+    // SAFETY: as the caller says.
+    call(|| unsafe { update(scene, &[read(deformation)?.change(mesh)?]) })
+}
+
+/// # Safety
+/// As of [`neubrdf_renderer_set_material`].
+unsafe fn set_material<T: Changeable>(of: *mut T, index: u32, material: *const NeubrdfMaterial) -> Result<(), Failure> {
+    // SAFETY: as the caller says.
+    let (of, material) = unsafe { (object(of, T::NAME)?, read(material)?) };
+    let material = material.material(format!("material {index}"), &of.scene().materials)?;
+    of.change(&[Change::Material { index, material }])
+}
+
 /// Another material, from the next frame on.
 ///
 /// # Safety
@@ -121,66 +222,22 @@ pub unsafe extern "C" fn neubrdf_renderer_set_material(
     index: u32,
     material: *const NeubrdfMaterial,
 ) -> NeubrdfResult {
-    call(|| {
-        // SAFETY: as the caller says.
-        unsafe {
-            let others = &object(renderer, "renderer")?.renderer.scene().materials;
-            let material = read(material)?.material(format!("material {index}"), others)?;
-            update(renderer, &[Change::Material { index, material }])
-        }
-    })
+    // SAFETY: as the caller says.
+    call(|| unsafe { set_material(renderer, index, material) })
 }
 
-/// Another material, from the next frame on, of a file as of `neubrdf_scene_add_material_file`; it does not emit. The file's BRDF is
-/// shared with the materials that have it already, or takes the place of one that no other material has: a material may become another and
-/// be set back as often as one likes.
+/// Another material in the place of one of a scene.
 ///
 /// # Safety
-/// `file` is a C string, `name` one or null; the renderer is alive.
+/// Both are alive.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn neubrdf_renderer_set_material_file(
-    renderer: *mut NeubrdfRenderer,
+pub unsafe extern "C" fn neubrdf_scene_set_material(
+    scene: *mut NeubrdfScene,
     index: u32,
-    file: *const c_char,
-    name: *const c_char,
+    material: *const NeubrdfMaterial,
 ) -> NeubrdfResult {
-    call(|| {
-        // SAFETY: as the caller says.
-        let (renderer, file, name) =
-            unsafe { (&mut object(renderer, "renderer")?.renderer, path(file)?, text(name, "name")?) };
-        let (mut surface, brdfs, warnings) = Surface::load(&file, name)?;
-        if let Some(warning) = warnings.first() {
-            // There is nobody to warn.
-            return Err(Failure::scene(warning));
-        }
-        let mut changes = Vec::new();
-        if let Surface::Measured { brdf } = &mut surface {
-            let (loaded, scene) = (&brdfs[*brdf as usize], renderer.scene());
-            let known = scene.brdfs.iter().position(|other| other == loaded);
-            *brdf = index_of(known.unwrap_or_else(|| place_for_brdf(scene, index, loaded)))?;
-            if known.is_none() {
-                changes.push(Change::Brdf { index: *brdf, brdf: loaded.clone() });
-            }
-        }
-        let material = Material::new(file.display().to_string(), surface);
-        changes.push(Change::Material { index, material });
-        Ok(renderer.update(&changes)?)
-    })
-}
-
-/// Where a BRDF for that material goes: in the place of one that no other material has, or after the last. Of several such places it is one of
-/// the same kind, as kernels are built for so many NeuBRDFs; then its own, as what others had may come back.
-fn place_for_brdf(scene: &Scene, index: u32, brdf: &Brdf) -> usize {
-    let of = |material: &Material| match material.surface {
-        Surface::Measured { brdf } => Some(brdf as usize),
-        _ => None,
-    };
-    let own = scene.materials.get(index as usize).and_then(of);
-    let others = (0..).zip(&scene.materials).filter(|(other, _)| *other != index);
-    let taken: Vec<usize> = others.filter_map(|(_, material)| of(material)).collect();
-    let free = (0..scene.brdfs.len()).filter(|place| !taken.contains(place));
-    let is_of_another_kind = |place: usize| discriminant(&*scene.brdfs[place]) != discriminant(brdf);
-    free.min_by_key(|place| (is_of_another_kind(*place), Some(*place) != own)).unwrap_or(scene.brdfs.len())
+    // SAFETY: as the caller says.
+    call(|| unsafe { set_material(scene, index, material) })
 }
 
 /// Another sky, from the next frame on: as of `neubrdf_scene_set_environment`.
@@ -213,31 +270,4 @@ pub unsafe extern "C" fn neubrdf_renderer_set_sun(
 ) -> NeubrdfResult {
     // SAFETY: as the caller says.
     call(|| unsafe { update(renderer, &[Change::Sun(sun(direction, irradiance)?)]) })
-}
-
-#[cfg(test)]
-mod tests {
-    use std::sync::Arc;
-
-    use super::*;
-    use crate::capi::scene::empty;
-    use crate::scene::brdf::{Merl, Sparse};
-
-    #[test]
-    fn a_brdf_takes_a_place_that_no_other_material_needs() {
-        let merl = Arc::new(Brdf::Merl(Merl::tabulate(|_| None)));
-        let sparse = Arc::new(Brdf::Sparse(Sparse::new(Vec::new(), true)));
-        let scene = |brdfs: &[&Arc<Brdf>], materials: &[u32]| {
-            let material = |brdf: &u32| Material::new("", Surface::Measured { brdf: *brdf });
-            let brdfs = brdfs.iter().map(|brdf| Arc::clone(brdf)).collect();
-            Scene { brdfs, materials: materials.iter().map(material).collect(), ..empty() }
-        };
-        let several = scene(&[&merl, &sparse, &merl, &merl], &[2, 1, 3]);
-        assert_eq!(place_for_brdf(&several, 0, &merl), 2, "its own");
-        assert_eq!(place_for_brdf(&several, 1, &merl), 0, "one of the kind, rather than its own of another");
-        assert_eq!(place_for_brdf(&several, 0, &sparse), 2, "its own, where none of the kind is free");
-        let shared = [0, 0];
-        assert_eq!(place_for_brdf(&scene(&[&merl, &sparse], &shared), 0, &merl), 1, "one that none has");
-        assert_eq!(place_for_brdf(&scene(&[&merl], &shared), 0, &merl), 1, "after the last");
-    }
 }

@@ -170,6 +170,22 @@ impl NeubrdfDeformation {
     }
 }
 
+/// What changes make of a scene's meshes from the host's buffers: their vertices are where they were read last. A mesh whose vertices came from
+/// the CPU has all that it is in the scene.
+pub(super) fn follow(host_meshes: &mut Vec<(u32, HostMesh)>, changes: &[Change]) {
+    for change in changes {
+        if let Change::Deform { mesh, from, .. } = change {
+            match from {
+                Some(vertices) => {
+                    let same = host_meshes.iter_mut().filter(|(index, _)| index == mesh);
+                    same.for_each(|(_, host_mesh)| host_mesh.vertices = *vertices);
+                }
+                None => host_meshes.retain(|(index, _)| index != mesh),
+            }
+        }
+    }
+}
+
 /// Adds a mesh that the device has. `arrays`, if not null, are the same vertices and triangles on the CPU, copied: the BVH and triangles that
 /// emit need them, and the materials are then theirs. Without them rays find it by ray query alone.
 ///

@@ -1039,17 +1039,6 @@ enum NeubrdfResult neubrdf_scene_add_material(struct NeubrdfScene *scene,
                                               uint32_t *index);
 
 /**
- * Adds a material of a file: .neubrdf, .toml, MERL .binary, RGL .bsdf, NBRDF .safetensors, sparse .csv. `name` picks one of a file that holds
- * several, else it is null. With maps or emission: add another one with NEUBRDF_SURFACE_OF_MATERIAL.
- *
- * `file` is a C string, `name` one or null; `index` is null or points to room for a number.
- */
-enum NeubrdfResult neubrdf_scene_add_material_file(struct NeubrdfScene *scene,
-                                                   const char *file,
-                                                   const char *name,
-                                                   uint32_t *index);
-
-/**
  * Adds a mesh. It is seen where instances of it stand.
  *
  * The arrays have the lengths that the mesh says; `index` is null or points to room for a number.
@@ -1115,6 +1104,20 @@ enum NeubrdfResult neubrdf_renderer_create(const struct NeubrdfContext *context,
  * The object is alive, or null, and the device works on none of its recordings.
  */
 void neubrdf_renderer_destroy(struct NeubrdfRenderer *renderer);
+
+/**
+ * A copy of the scene as it is now, with all changes, for a new renderer where NEUBRDF_RESULT_NEW_RENDERER says that it takes one: the call of
+ * `neubrdf_scene_` that is named as the one that was refused changes the copy. The caller ends it. It has no warnings. A sky or a sun
+ * that was reserved and is not there is a black one.
+ *
+ * A mesh that came from the host's buffers does so again: the new renderer's first recording reads them, the vertices from where a deformation
+ * read them last, and then they must still be there. If a deformation gave them on the CPU, the mesh is in the scene whole: with the texture coordinates
+ * that its arrays had.
+ *
+ * The object is alive; `scene` points to room for a pointer.
+ */
+enum NeubrdfResult neubrdf_renderer_scene(const struct NeubrdfRenderer *renderer,
+                                          struct NeubrdfScene **scene);
 
 /**
  * Pixels across and down: what a target must have room for. Samples a pixel that the recordings so far take.
@@ -1215,6 +1218,16 @@ enum NeubrdfResult neubrdf_renderer_set_transforms(struct NeubrdfRenderer *rende
                                                    uint32_t count);
 
 /**
+ * Moves instances of a scene: as of `neubrdf_renderer_set_transforms`.
+ *
+ * The arrays have these lengths.
+ */
+enum NeubrdfResult neubrdf_scene_set_transforms(struct NeubrdfScene *scene,
+                                                const uint32_t *instances,
+                                                const float *object_to_world,
+                                                uint32_t count);
+
+/**
  * Other instances, `count` of them, at least one, from the next frame on: the mesh of each, and twelve floats, the upper three rows of its
  * matrix. The top level over all instances is rebuilt where they are more, fewer or of other meshes.
  *
@@ -1226,6 +1239,16 @@ enum NeubrdfResult neubrdf_renderer_set_instances(struct NeubrdfRenderer *render
                                                   uint32_t count);
 
 /**
+ * Other instances of a scene: as of `neubrdf_renderer_set_instances`.
+ *
+ * The arrays have these lengths.
+ */
+enum NeubrdfResult neubrdf_scene_set_instances(struct NeubrdfScene *scene,
+                                               const uint32_t *meshes,
+                                               const float *object_to_world,
+                                               uint32_t count);
+
+/**
  * Another shape of a mesh, from the next frame on: its vertices lie elsewhere, its triangles connect the same ones.
  *
  * The arrays have these lengths; the vertices on the device are as of `neubrdf_scene_add_device_mesh`.
@@ -1233,6 +1256,15 @@ enum NeubrdfResult neubrdf_renderer_set_instances(struct NeubrdfRenderer *render
 enum NeubrdfResult neubrdf_renderer_deform(struct NeubrdfRenderer *renderer,
                                            uint32_t mesh,
                                            const struct NeubrdfDeformation *deformation);
+
+/**
+ * Another shape of a scene's mesh: as of `neubrdf_renderer_deform`. `by` changes nothing here.
+ *
+ * The arrays have these lengths; the vertices on the device are as of `neubrdf_scene_add_device_mesh`.
+ */
+enum NeubrdfResult neubrdf_scene_deform(struct NeubrdfScene *scene,
+                                        uint32_t mesh,
+                                        const struct NeubrdfDeformation *deformation);
 
 /**
  * Another material, from the next frame on.
@@ -1244,16 +1276,13 @@ enum NeubrdfResult neubrdf_renderer_set_material(struct NeubrdfRenderer *rendere
                                                  const struct NeubrdfMaterial *material);
 
 /**
- * Another material, from the next frame on, of a file as of `neubrdf_scene_add_material_file`; it does not emit. The file's BRDF is
- * shared with the materials that have it already, or takes the place of one that no other material has: a material may become another and
- * be set back as often as one likes.
+ * Another material in the place of one of a scene.
  *
- * `file` is a C string, `name` one or null; the renderer is alive.
+ * Both are alive.
  */
-enum NeubrdfResult neubrdf_renderer_set_material_file(struct NeubrdfRenderer *renderer,
-                                                      uint32_t index,
-                                                      const char *file,
-                                                      const char *name);
+enum NeubrdfResult neubrdf_scene_set_material(struct NeubrdfScene *scene,
+                                              uint32_t index,
+                                              const struct NeubrdfMaterial *material);
 
 /**
  * Another sky, from the next frame on: as of `neubrdf_scene_set_environment`.
@@ -1274,6 +1303,39 @@ enum NeubrdfResult neubrdf_renderer_set_environment(struct NeubrdfRenderer *rend
 enum NeubrdfResult neubrdf_renderer_set_sun(struct NeubrdfRenderer *renderer,
                                             const float *direction,
                                             const float *irradiance);
+
+/**
+ * Adds a material of a file: .neubrdf, .toml, MERL .binary, RGL .bsdf, NBRDF .safetensors, sparse .csv. `name` picks one of a file that holds
+ * several, else it is null. With maps or emission: add another one with NEUBRDF_SURFACE_OF_MATERIAL.
+ *
+ * `file` is a C string, `name` one or null; `index` is null or points to room for a number.
+ */
+enum NeubrdfResult neubrdf_scene_add_material_file(struct NeubrdfScene *scene,
+                                                   const char *file,
+                                                   const char *name,
+                                                   uint32_t *index);
+
+/**
+ * Another material, from the next frame on, of a file as of `neubrdf_scene_add_material_file`; it does not emit. The file's BRDF is
+ * shared with the materials that have it already, or takes the place of one that no other material has: a material may become another and
+ * be set back as often as one likes. What would be a warning there is an error here.
+ *
+ * `file` is a C string, `name` one or null; the renderer is alive.
+ */
+enum NeubrdfResult neubrdf_renderer_set_material_file(struct NeubrdfRenderer *renderer,
+                                                      uint32_t index,
+                                                      const char *file,
+                                                      const char *name);
+
+/**
+ * Another material in the place of one of a scene: as of `neubrdf_renderer_set_material_file`.
+ *
+ * `file` is a C string, `name` one or null; the scene is alive.
+ */
+enum NeubrdfResult neubrdf_scene_set_material_file(struct NeubrdfScene *scene,
+                                                   uint32_t index,
+                                                   const char *file,
+                                                   const char *name);
 
 #ifdef __cplusplus
 }  // extern "C"

@@ -6,7 +6,7 @@ use super::call::{Failure, NeubrdfResult, call, end, hand_over, object, put, rea
 use super::context::NeubrdfContext;
 use super::scene::NeubrdfScene;
 use super::vulkan::*;
-use crate::gpu::{Commands, Device, HostBuffer, HostImage};
+use crate::gpu::{Commands, Device, HostBuffer, HostImage, HostMesh};
 use crate::image::Crop;
 use crate::plugin::{Channel, Frame, Options, PixelFormat, Place, Renderer, Target};
 use crate::render::{Family, Features, Sampler, Settings, Traversal};
@@ -15,6 +15,8 @@ use crate::render::{Family, Features, Sampler, Settings, Traversal};
 pub struct NeubrdfRenderer {
     device: Arc<Device>,
     pub(super) renderer: Renderer,
+    /// Meshes from the host's buffers, by their index.
+    pub(super) host_meshes: Vec<(u32, HostMesh)>,
     /// Those of the frame that was recorded last; kept so that the next one asks the heap for nothing.
     targets: Vec<Target>,
 }
@@ -379,12 +381,10 @@ pub unsafe extern "C" fn neubrdf_renderer_create(
             // SAFETY: as the caller says.
             false => unsafe { read(options)? }.options()?,
         };
-        let made = Renderer::with_host_meshes(&context.device, scene.scene.clone(), &scene.host_meshes, &options)?;
+        let (device, host_meshes) = (context.device.clone(), scene.host_meshes.clone());
+        let made = Renderer::with_host_meshes(&device, scene.scene.clone(), &host_meshes, &options)?;
         // SAFETY: as the caller says.
-        unsafe {
-            let device = context.device.clone();
-            hand_over(renderer, NeubrdfRenderer { device, renderer: made, targets: Vec::new() })
-        }
+        unsafe { hand_over(renderer, NeubrdfRenderer { device, renderer: made, host_meshes, targets: Vec::new() }) }
     })
 }
 
@@ -396,6 +396,30 @@ pub unsafe extern "C" fn neubrdf_renderer_create(
 pub unsafe extern "C" fn neubrdf_renderer_destroy(renderer: *mut NeubrdfRenderer) {
     // SAFETY: as the caller says.
     unsafe { end(renderer) }
+}
+
+/// A copy of the scene as it is now, with all changes, for a new renderer where NEUBRDF_RESULT_NEW_RENDERER says that it takes one: the call of
+/// `neubrdf_scene_` that is named as the one that was refused changes the copy. The caller ends it. It has no warnings. A sky or a sun
+/// that was reserved and is not there is a black one.
+///
+/// A mesh that came from the host's buffers does so again: the new renderer's first recording reads them, the vertices from where a deformation
+/// read them last, and then they must still be there. If a deformation gave them on the CPU, the mesh is in the scene whole: with the texture coordinates
+/// that its arrays had.
+///
+/// # Safety
+/// The object is alive; `scene` points to room for a pointer.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn neubrdf_renderer_scene(
+    renderer: *const NeubrdfRenderer,
+    scene: *mut *mut NeubrdfScene,
+) -> NeubrdfResult {
+    call(|| {
+        // SAFETY: as the caller says.
+        let NeubrdfRenderer { renderer, host_meshes, .. } = unsafe { shared(renderer, "renderer")? };
+        let copy = NeubrdfScene::new(renderer.scene().clone(), host_meshes.clone());
+        // SAFETY: as the caller says.
+        unsafe { hand_over(scene, copy) }
+    })
 }
 
 /// Pixels across and down: what a target must have room for. Samples a pixel that the recordings so far take.
@@ -462,7 +486,7 @@ pub unsafe extern "C" fn neubrdf_renderer_record(
     call(|| {
         // SAFETY: as the caller says.
         unsafe {
-            let NeubrdfRenderer { device, renderer, targets } = object(renderer, "renderer")?;
+            let NeubrdfRenderer { device, renderer, targets, .. } = object(renderer, "renderer")?;
             let frame = read(frame)?;
             fill_targets(targets, &frame)?;
             let mut commands = Commands::wrap(device, command_buffer);

@@ -1,5 +1,6 @@
 // A small engine in C++: its own instance, device, queue, command buffer and image, under synchronization validation. It renders an
-// OBJ file, or a scene that it makes itself and then changes, into its image, a few frames in flight, and writes the pixels to a file.
+// OBJ file, or a scene that it makes itself and then changes, into its image, a few frames in flight, and writes the pixels to a file; of a
+// scene that it made, then those of a new renderer, to a file whose name ends in `.renewed`.
 // A mesh of the made scene is in a vertex buffer of the engine's: with a copy on the CPU, for the BVH, or without one, for ray query.
 //
 //   host SCENE PIXELS DEVICE [MATERIAL OTHER THIRD]      SCENE: a file, `made`, or `made-on-device`; then the last are files of three materials
@@ -360,6 +361,73 @@ static void change(NeubrdfRenderer* renderer, const Square& square, bool on_devi
     CHECK(neubrdf_renderer_set_sun(renderer, towards, irradiance));
 }
 
+// What the kernels were not built for, and more, goes into a copy of the scene, for a new renderer in the place of the old one.
+static NeubrdfRenderer* renewed(NeubrdfContext* context, NeubrdfRenderer* old, const NeubrdfOptions& options, bool on_device,
+                                char** files) {
+    NeubrdfMaterial coated = material_of(NEUBRDF_SURFACE_COATED, 0.5f, 0.25f);
+    if (neubrdf_renderer_set_material(old, 0, &coated) != NEUBRDF_RESULT_NEW_RENDERER) std::exit(1);
+    NeubrdfScene* scene;
+    CHECK(neubrdf_renderer_scene(old, &scene));
+    neubrdf_renderer_destroy(old);
+    CHECK(neubrdf_scene_set_material(scene, 0, &coated));
+    // One comes in the place of the other, as there is room for two NeuBRDFs.
+    CHECK(neubrdf_scene_set_material_file(scene, 1, files[0], nullptr));
+    CHECK(neubrdf_scene_set_material_file(scene, 1, files[2], nullptr));
+    const uint32_t meshes[] = {0, 1}, second = 1;
+    const float both[24] = {1, 0, 0, 0, 0, 1, 0, -0.25f, 0, 0, 1, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0};
+    CHECK(neubrdf_scene_set_instances(scene, meshes, both, 2));
+    const float above[] = {0.5f, 0, 0, 0, 0, 0.5f, 0, 0.5f, 0, 0, 0.5f, 0};
+    CHECK(neubrdf_scene_set_transforms(scene, &second, above, 1));
+    // The bent square lies in the engine's buffer, and is read from there again; or it becomes flat, on the CPU.
+    NeubrdfDeformation flat{};
+    flat.size = sizeof flat;
+    flat.vertex_count = 4;
+    flat.positions = positions;
+    if (!on_device) CHECK(neubrdf_scene_deform(scene, 1, &flat));
+    NeubrdfRenderer* renderer;
+    CHECK(neubrdf_renderer_create(context, scene, &options, &renderer));
+    neubrdf_scene_destroy(scene);
+    return renderer;
+}
+
+static void write_pixels(const Engine& engine, VkDeviceMemory memory, VkDeviceSize bytes, const std::string& output) {
+    void* pixels;
+    CHECK(vkMapMemory(engine.device, memory, 0, bytes, 0, &pixels));
+    std::FILE* out = std::fopen(output.c_str(), "wb");
+    if (!out || std::fwrite(pixels, 1, bytes, out) != bytes || std::fclose(out) != 0) std::exit(1);
+    vkUnmapMemory(engine.device, memory);
+}
+
+// The first frame of a renderer, of four samples, into a buffer.
+static void render_once(const Engine& engine, NeubrdfRenderer* renderer, VkBuffer buffer, VkDeviceSize bytes) {
+    VkCommandBufferAllocateInfo allocate{VK_STRUCTURE_TYPE_COMMAND_BUFFER_ALLOCATE_INFO};
+    allocate.commandPool = engine.pool;
+    allocate.commandBufferCount = 1;
+    VkCommandBuffer commands;
+    CHECK(vkAllocateCommandBuffers(engine.device, &allocate, &commands));
+    VkCommandBufferBeginInfo begin{VK_STRUCTURE_TYPE_COMMAND_BUFFER_BEGIN_INFO};
+    CHECK(vkBeginCommandBuffer(commands, &begin));
+    NeubrdfTarget target{};
+    target.size = sizeof target;
+    target.format = NEUBRDF_FORMAT_RGBA32_FLOAT;
+    target.buffer = buffer;
+    target.buffer_bytes = bytes;
+    NeubrdfFrame frame{};
+    frame.size = sizeof frame;
+    frame.samples = 4;
+    frame.targets = &target;
+    frame.target_count = 1;
+    uint64_t ticket;
+    CHECK(neubrdf_renderer_record(renderer, commands, &frame, &ticket));
+    CHECK(vkEndCommandBuffer(commands));
+    VkSubmitInfo submit{VK_STRUCTURE_TYPE_SUBMIT_INFO};
+    submit.commandBufferCount = 1;
+    submit.pCommandBuffers = &commands;
+    CHECK(vkQueueSubmit(engine.queue, 1, &submit, VK_NULL_HANDLE));
+    CHECK(vkQueueWaitIdle(engine.queue));
+    CHECK(neubrdf_renderer_complete(renderer, ticket, nullptr));
+}
+
 static void render(const Engine& engine, const char* file, const char* output, char** materials) {
     const uint32_t width = 64, height = 48, frames = 4;
     const bool on_device = std::strcmp(file, "made-on-device") == 0;
@@ -494,10 +562,13 @@ static void render(const Engine& engine, const char* file, const char* output, c
     CHECK(neubrdf_renderer_complete(renderer, ticket, &status));
     std::printf("%u samples, error %.4f, %u rejected\n", status.samples, status.error, status.rejected);
 
-    void* pixels;
-    CHECK(vkMapMemory(engine.device, buffer_memory, 0, bytes, 0, &pixels));
-    std::FILE* out = std::fopen(output, "wb");
-    if (!out || std::fwrite(pixels, 1, bytes, out) != bytes || std::fclose(out) != 0) std::exit(1);
+    write_pixels(engine, buffer_memory, bytes, output);
+    if (is_made) {
+        options.reserve = 0;
+        renderer = renewed(context, renderer, options, on_device, materials);
+        render_once(engine, renderer, buffer, bytes);
+        write_pixels(engine, buffer_memory, bytes, std::string(output) + ".renewed");
+    }
 
     neubrdf_renderer_destroy(renderer);
     neubrdf_context_destroy(context);

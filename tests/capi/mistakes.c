@@ -70,6 +70,13 @@ static void scenes(const char *file) {
     EXPECT(neubrdf_scene_place_texture(scene, 7, scale, scale), NEUBRDF_RESULT_INVALID_ARGUMENT, "texture 7 of");
     EXPECT(neubrdf_scene_place_texture(scene, 0, scale, NULL), NEUBRDF_RESULT_INVALID_ARGUMENT, "offset");
     EXPECT(neubrdf_scene_add_material_file(scene, "/nowhere.neubrdf", NULL, NULL), NEUBRDF_RESULT_SCENE, "/nowhere");
+    EXPECT(neubrdf_scene_set_material(scene, 7, &material), NEUBRDF_RESULT_SCENE, "index of a material");
+    EXPECT(neubrdf_scene_set_material_file(scene, 0, "/nowhere.neubrdf", NULL), NEUBRDF_RESULT_SCENE, "/nowhere");
+    EXPECT(neubrdf_scene_set_instances(scene, NULL, NULL, 0), NEUBRDF_RESULT_SCENE, "number of instances");
+    const uint32_t instance = 7;
+    const float rows[12] = {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0};
+    EXPECT(neubrdf_scene_set_transforms(scene, &instance, rows, 1), NEUBRDF_RESULT_SCENE, "instance");
+    EXPECT(neubrdf_scene_deform(scene, 7, NULL), NEUBRDF_RESULT_INVALID_ARGUMENT, "NeubrdfDeformation");
     const float down[3] = {0, 0, 0};
     EXPECT(neubrdf_scene_set_sun(scene, down, down), NEUBRDF_RESULT_INVALID_ARGUMENT, "direction");
     const float nan = 0.0f / 0.0f;
@@ -107,6 +114,8 @@ static void devices(void) {
     deformation.reserved = 1;
     EXPECT(neubrdf_renderer_deform(NULL, 0, &deformation), NEUBRDF_RESULT_INVALID_ARGUMENT, "reserved is 1");
     EXPECT(neubrdf_renderer_set_material_file(NULL, 0, "", NULL), NEUBRDF_RESULT_INVALID_ARGUMENT, "renderer is null");
+    NeubrdfScene *scene = NULL;
+    EXPECT(neubrdf_renderer_scene(NULL, &scene), NEUBRDF_RESULT_INVALID_ARGUMENT, "renderer is null");
     neubrdf_renderer_destroy(NULL);
     neubrdf_context_destroy(NULL);
 }
