@@ -1,14 +1,16 @@
-//! Materials of files.
+//! Materials of files, and of files that are in memory.
 
-use std::ffi::c_char;
+use std::ffi::{c_char, c_void};
 use std::mem::discriminant;
+use std::path::Path;
 use std::sync::Arc;
 
-use super::call::{Failure, NeubrdfResult, call, object, path, put, text};
+use super::call::{Failure, NeubrdfResult, array, call, object, path, put, text};
 use super::change::Changeable;
 use super::renderer::NeubrdfRenderer;
 use super::scene::{NeubrdfScene, index_of};
 use crate::plugin::Change;
+use crate::scene::brdf::NeuBrdf;
 use crate::scene::{Brdf, Material, Scene, Surface, Warning};
 
 /// A material that was read.
@@ -30,6 +32,26 @@ impl Loaded {
         let (file, name) = unsafe { (path(file)?, text(name, "name")?) };
         let (surface, brdfs, warnings) = Surface::load(&file, name)?;
         Ok(Loaded { name: file.display().to_string(), surface, brdfs, warnings })
+    }
+
+    /// That of a `.neubrdf` file in memory.
+    ///
+    /// # Safety
+    /// As of [`neubrdf_scene_add_material_memory`].
+    unsafe fn of_memory(
+        bytes: *const c_void,
+        size: u64,
+        name: *const c_char,
+        label: *const c_char,
+    ) -> Result<Loaded, Failure> {
+        let count = usize::try_from(size).map_err(|_| Failure::argument(format!("{size} bytes")))?;
+        // SAFETY: as the caller says.
+        let (bytes, name, label) =
+            unsafe { (array(bytes.cast::<u8>(), count, "bytes")?, text(name, "name")?, text(label, "label")?) };
+        let label = label.unwrap_or("a .neubrdf file in memory");
+        let brdf = NeuBrdf::decode_of(bytes, name, Path::new(label))?;
+        let brdfs = vec![Arc::new(Brdf::NeuBrdf(Box::new(brdf)))];
+        Ok(Loaded { name: label.to_owned(), surface: Surface::Measured { brdf: 0 }, brdfs, warnings: Vec::new() })
     }
 
     /// Adds it to a scene. Returns its index.
@@ -104,6 +126,31 @@ pub unsafe extern "C" fn neubrdf_scene_add_material_file(
     })
 }
 
+/// Adds a material of the bytes of a .neubrdf file, which are copied. `name` picks one of a file that holds several, else it is null. `label` is
+/// what errors call the bytes; null is a name of ours. Any bytes will do: what is no such file is NEUBRDF_RESULT_SCENE, and the scene is as before.
+///
+/// # Safety
+/// `bytes` points to as many bytes as `size` says, or is null where that is 0; `name` and `label` are C strings or null; `index` is null or
+/// points to room for a number.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn neubrdf_scene_add_material_memory(
+    scene: *mut NeubrdfScene,
+    bytes: *const c_void,
+    size: u64,
+    name: *const c_char,
+    label: *const c_char,
+    index: *mut u32,
+) -> NeubrdfResult {
+    call(|| {
+        // SAFETY: as the caller says.
+        unsafe {
+            let scene = object(scene, "scene")?;
+            put(index, Loaded::of_memory(bytes, size, name, label)?.add_to(scene)?);
+        }
+        Ok(())
+    })
+}
+
 /// Another material, from the next frame on, of a file as of `neubrdf_scene_add_material_file`; it does not emit. The file's BRDF is
 /// shared with the materials that have it already, or takes the place of one that no other material has: a material may become another and
 /// be set back as often as one likes. What would be a warning there is an error here.
@@ -139,6 +186,47 @@ pub unsafe extern "C" fn neubrdf_scene_set_material_file(
     call(|| unsafe {
         let scene = object(scene, "scene")?;
         Loaded::of_file(file, name)?.replace(scene, index)
+    })
+}
+
+/// Another material, from the next frame on, of the bytes of a .neubrdf file: as of `neubrdf_scene_add_material_memory` and
+/// `neubrdf_renderer_set_material_file`.
+///
+/// # Safety
+/// As of `neubrdf_scene_add_material_memory`; the renderer is alive.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn neubrdf_renderer_set_material_memory(
+    renderer: *mut NeubrdfRenderer,
+    index: u32,
+    bytes: *const c_void,
+    size: u64,
+    name: *const c_char,
+    label: *const c_char,
+) -> NeubrdfResult {
+    // SAFETY: as the caller says.
+    call(|| unsafe {
+        let renderer = object(renderer, "renderer")?;
+        Loaded::of_memory(bytes, size, name, label)?.replace(renderer, index)
+    })
+}
+
+/// Another material in the place of one of a scene: as of `neubrdf_renderer_set_material_memory`.
+///
+/// # Safety
+/// As of `neubrdf_scene_add_material_memory`.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn neubrdf_scene_set_material_memory(
+    scene: *mut NeubrdfScene,
+    index: u32,
+    bytes: *const c_void,
+    size: u64,
+    name: *const c_char,
+    label: *const c_char,
+) -> NeubrdfResult {
+    // SAFETY: as the caller says.
+    call(|| unsafe {
+        let scene = object(scene, "scene")?;
+        Loaded::of_memory(bytes, size, name, label)?.replace(scene, index)
     })
 }
 

@@ -1316,6 +1316,20 @@ enum NeubrdfResult neubrdf_scene_add_material_file(struct NeubrdfScene *scene,
                                                    uint32_t *index);
 
 /**
+ * Adds a material of the bytes of a .neubrdf file, which are copied. `name` picks one of a file that holds several, else it is null. `label` is
+ * what errors call the bytes; null is a name of ours. Any bytes will do: what is no such file is NEUBRDF_RESULT_SCENE, and the scene is as before.
+ *
+ * `bytes` points to as many bytes as `size` says, or is null where that is 0; `name` and `label` are C strings or null; `index` is null or
+ * points to room for a number.
+ */
+enum NeubrdfResult neubrdf_scene_add_material_memory(struct NeubrdfScene *scene,
+                                                     const void *bytes,
+                                                     uint64_t size,
+                                                     const char *name,
+                                                     const char *label,
+                                                     uint32_t *index);
+
+/**
  * Another material, from the next frame on, of a file as of `neubrdf_scene_add_material_file`; it does not emit. The file's BRDF is
  * shared with the materials that have it already, or takes the place of one that no other material has: a material may become another and
  * be set back as often as one likes. What would be a warning there is an error here.
@@ -1336,6 +1350,31 @@ enum NeubrdfResult neubrdf_scene_set_material_file(struct NeubrdfScene *scene,
                                                    uint32_t index,
                                                    const char *file,
                                                    const char *name);
+
+/**
+ * Another material, from the next frame on, of the bytes of a .neubrdf file: as of `neubrdf_scene_add_material_memory` and
+ * `neubrdf_renderer_set_material_file`.
+ *
+ * As of `neubrdf_scene_add_material_memory`; the renderer is alive.
+ */
+enum NeubrdfResult neubrdf_renderer_set_material_memory(struct NeubrdfRenderer *renderer,
+                                                        uint32_t index,
+                                                        const void *bytes,
+                                                        uint64_t size,
+                                                        const char *name,
+                                                        const char *label);
+
+/**
+ * Another material in the place of one of a scene: as of `neubrdf_renderer_set_material_memory`.
+ *
+ * As of `neubrdf_scene_add_material_memory`.
+ */
+enum NeubrdfResult neubrdf_scene_set_material_memory(struct NeubrdfScene *scene,
+                                                     uint32_t index,
+                                                     const void *bytes,
+                                                     uint64_t size,
+                                                     const char *name,
+                                                     const char *label);
 
 #ifdef __cplusplus
 }  // extern "C"

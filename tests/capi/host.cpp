@@ -265,6 +265,15 @@ static NeubrdfMaterial material_of(NeubrdfSurface surface, float grey, float alp
     return material;
 }
 
+static std::vector<char> bytes_of(const char* file) {
+    std::FILE* in = std::fopen(file, "rb");
+    if (!in) std::exit(1);
+    std::vector<char> bytes;
+    for (int byte = std::fgetc(in); byte != EOF; byte = std::fgetc(in)) bytes.push_back(char(byte));
+    std::fclose(in);
+    return bytes;
+}
+
 // A textured floor and a metal square above it, under a grey sky and a sun.
 static NeubrdfScene* make_scene(const Square& square, bool on_device, const char* file) {
     NeubrdfScene* scene;
@@ -279,7 +288,9 @@ static NeubrdfScene* make_scene(const Square& square, bool on_device, const char
     NeubrdfMaterial metal = material_of(NEUBRDF_SURFACE_CONDUCTOR, 0.5f, 0.25f);
     CHECK(neubrdf_scene_add_material(scene, &metal, nullptr));
     // No mesh has it: what is to come is no larger.
-    CHECK(neubrdf_scene_add_material_file(scene, file, nullptr, nullptr));
+    const std::vector<char> bytes = bytes_of(file);
+    if (on_device) CHECK(neubrdf_scene_add_material_memory(scene, bytes.data(), bytes.size(), nullptr, file, nullptr));
+    else CHECK(neubrdf_scene_add_material_file(scene, file, nullptr, nullptr));
     NeubrdfMesh mesh{};
     mesh.size = sizeof mesh;
     mesh.vertex_count = 4;
@@ -350,7 +361,8 @@ static void change(NeubrdfRenderer* renderer, const Square& square, bool on_devi
         CHECK(neubrdf_renderer_set_material_file(renderer, 1, files[i % 3], nullptr));
         CHECK(neubrdf_renderer_set_material(renderer, 1, &metal));
     }
-    CHECK(neubrdf_renderer_set_material_file(renderer, 1, files[1], nullptr));
+    const std::vector<char> bytes = bytes_of(files[1]);
+    CHECK(neubrdf_renderer_set_material_memory(renderer, 1, bytes.data(), bytes.size(), nullptr, nullptr));
     // The same once more, as an engine says it that adds maps to it.
     NeubrdfMaterial other = material_of(NEUBRDF_SURFACE_OF_MATERIAL, 0.0f, 0.0f);
     other.surface_of = 1;
@@ -371,7 +383,8 @@ static NeubrdfRenderer* renewed(NeubrdfContext* context, NeubrdfRenderer* old, c
     neubrdf_renderer_destroy(old);
     CHECK(neubrdf_scene_set_material(scene, 0, &coated));
     // One comes in the place of the other, as there is room for two NeuBRDFs.
-    CHECK(neubrdf_scene_set_material_file(scene, 1, files[0], nullptr));
+    const std::vector<char> bytes = bytes_of(files[0]);
+    CHECK(neubrdf_scene_set_material_memory(scene, 1, bytes.data(), bytes.size(), nullptr, nullptr));
     CHECK(neubrdf_scene_set_material_file(scene, 1, files[2], nullptr));
     const uint32_t meshes[] = {0, 1}, second = 1;
     const float both[24] = {1, 0, 0, 0, 0, 1, 0, -0.25f, 0, 0, 1, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0};
