@@ -12,6 +12,7 @@ mod call;
 mod change;
 mod context;
 mod host_mesh;
+mod material_file;
 mod renderer;
 mod scene;
 
@@ -19,6 +20,7 @@ pub use call::{NeubrdfResult, neubrdf_last_error, neubrdf_version};
 pub use change::*;
 pub use context::*;
 pub use host_mesh::*;
+pub use material_file::*;
 pub use renderer::*;
 pub use scene::*;
 

@@ -16,7 +16,7 @@ use neubrdf::scene::{Color, Environment, Film, Instance, Mesh, Scene, Sun, Surfa
 const ROOT: &str = env!("CARGO_MANIFEST_DIR");
 
 fn header() -> String {
-    let sources = ["call", "context", "scene", "host_mesh", "renderer", "change"]
+    let sources = ["call", "context", "scene", "host_mesh", "renderer", "change", "material_file"]
         .map(|name| Path::new(ROOT).join(format!("src/capi/{name}.rs")));
     let mut config = cbindgen::Config {
         language: cbindgen::Language::C,
@@ -55,6 +55,35 @@ fn the_header_is_that_of_the_source() {
     }
     let found = std::fs::read_to_string(&path).unwrap_or_default();
     assert!(found == made, "{} is stale: NEUBRDF_BLESS=1 cargo test --test capi", path.display());
+}
+
+/// The functions that the table of docs/embedding.md names, those that begin with `_` in full: they are of the object before them.
+fn functions_of_the_page() -> Vec<String> {
+    let page = std::fs::read_to_string(Path::new(ROOT).join("docs/embedding.md")).unwrap();
+    let table = page.split("| Rust | C |").nth(1).and_then(|rest| rest.split("\n\n").next()).unwrap();
+    let mut functions: Vec<String> = Vec::new();
+    for name in table.split('`').skip(1).step_by(2).map(|name| name.trim_end_matches("()")) {
+        if name.starts_with("neubrdf_") {
+            functions.push(name.to_owned());
+        } else if let Some(object) = functions.last().filter(|_| name.starts_with('_')) {
+            let object: Vec<&str> = object.splitn(3, '_').take(2).collect();
+            functions.push(object.join("_") + name);
+        }
+    }
+    functions.sort();
+    functions
+}
+
+#[test]
+fn the_page_names_every_function_of_the_header() {
+    let header = std::fs::read_to_string(Path::new(ROOT).join("src/capi/neubrdf.h")).unwrap();
+    let code = header.lines().filter(|line| !line.starts_with(" *"));
+    let called =
+        code.filter_map(|line| line.split_once('(')).filter_map(|(before, _)| before.split([' ', '*']).next_back());
+    let mut functions: Vec<&str> = called.filter(|name| name.starts_with("neubrdf_")).collect();
+    functions.sort_unstable();
+    assert!(functions.len() > 40, "{functions:?}");
+    assert_eq!(functions_of_the_page(), functions);
 }
 
 /// Runs a command to its end; `None` where the program is not installed, with all that it said where it fails.
@@ -175,6 +204,29 @@ fn made_and_changed(file: &Path) -> Scene {
     scene
 }
 
+/// What it then makes of that for a new renderer. The bent square is still the one in the engine's buffer if that alone has it.
+fn renewed(changed: &Scene, file: &Path, on_device: bool) -> Scene {
+    let mut scene = changed.clone();
+    let albedo = Color::constant(Vec3::splat(0.5));
+    scene.materials[0].surface = Surface::Coated { albedo, ior: 1.5, alpha: 0.25 };
+    scene.brdfs = Surface::load(file, None).unwrap().1;
+    let above = Affine3A::from_scale_rotation_translation(Vec3::splat(0.5), Quat::IDENTITY, Vec3::new(0.0, 0.5, 0.0));
+    let below = Affine3A::from_translation(Vec3::new(0.0, -0.25, 0.0));
+    let place = |mesh, object_to_world| Instance { mesh, object_to_world };
+    scene.instances = vec![place(0, below), place(1, above)];
+    if !on_device {
+        scene.meshes[1].positions = scene.meshes[0].positions.clone();
+    }
+    scene
+}
+
+/// Pixels as a host writes them.
+fn pixels_of(file: &Path) -> Vec<[u32; 3]> {
+    let bytes = std::fs::read(file).unwrap();
+    let words: Vec<u32> = bytes.chunks_exact(4).map(|word| u32::from_le_bytes(word.try_into().unwrap())).collect();
+    words.chunks_exact(4).map(|pixel| [pixel[0], pixel[1], pixel[2]]).collect()
+}
+
 #[test]
 fn a_host_in_cpp_gets_the_bits_of_rust() {
     let Some(driver) = driver(LAVAPIPE) else { return };
@@ -190,7 +242,7 @@ fn a_host_in_cpp_gets_the_bits_of_rust() {
     loaded.film = Film { width: 64, height: 48 };
     // Of the made one the first of four frames is that of the scene before the changes; the loaded one is reset after two.
     let small = Shape { n_side: 4, features: 4, codes: 60, hidden: &[12, 16, 12], ..Shape::FULL };
-    let materials = [1, 2].map(|seed| {
+    let materials = [1, 2, 3].map(|seed| {
         let file = scratch.path().join(format!("{seed}.neubrdf"));
         std::fs::write(&file, random_neubrdf(small, seed).encode(Precision::F16).unwrap()).unwrap();
         file
@@ -207,13 +259,19 @@ fn a_host_in_cpp_gets_the_bits_of_rust() {
         assert!(said.contains("validation messages: 0"), "{said}");
         assert!(own_memory || said.contains("pieces of the engine's memory, 0 left"), "{said}");
         let settings = Settings { max_depth: 5, seed: 3, features: false, ..Settings::default() };
-        let expected = bits(&render(&driver.device, &scene, &settings, &Options::default(), samples));
-        let bytes = std::fs::read(&pixels).unwrap();
-        let words: Vec<u32> = bytes.chunks_exact(4).map(|word| u32::from_le_bytes(word.try_into().unwrap())).collect();
-        let found: Vec<[u32; 3]> = words.chunks_exact(4).map(|pixel| [pixel[0], pixel[1], pixel[2]]).collect();
-        assert_eq!(found.len(), expected.len());
-        let differing = found.iter().zip(&expected).filter(|(a, b)| a != b).count();
-        assert!(differing == 0, "{}: {differing} of {} pixels differ", what.display(), expected.len());
+        let check = |file: &Path, scene: &Scene, samples| {
+            let expected = bits(&render(&driver.device, scene, &settings, &Options::default(), samples));
+            let found = pixels_of(file);
+            assert_eq!(found.len(), expected.len());
+            let differing = found.iter().zip(&expected).filter(|(a, b)| a != b).count();
+            let name = file.file_name().unwrap().display();
+            assert!(differing == 0, "{}, {name}: {differing} of {} pixels differ", what.display(), expected.len());
+        };
+        check(&pixels, &scene, samples);
+        if !own_memory {
+            let on_device = what == Path::new("made-on-device");
+            check(&scratch.path().join("pixels.bin.renewed"), &renewed(&scene, &materials[2], on_device), 4);
+        }
     }
     driver.finish();
 }

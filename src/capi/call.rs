@@ -147,16 +147,26 @@ pub(super) unsafe trait Sized32: Copy {
 }
 
 /// Names structs of numbers, and of handles and pointers for which null is a value, with their sizes in the first version that had
-/// them. Those stay when members are added.
+/// them, which stay when members are added, and with all their members, which leave no hole: what is in a hole nobody sets to 0, so that no
+/// later version could put a member there.
 macro_rules! sized_structs {
-    ($($name:ident: $first:literal),+ $(,)?) => {$(
+    ($($name:ident: $first:literal { $($member:ident),+ $(,)? })+) => {$(
         // SAFETY: so they are, as who calls this macro says.
         unsafe impl super::call::Sized32 for $name {
             const NAME: &'static str = stringify!($name);
             // Where pointers are shorter no version has been released.
             const FIRST: usize = if cfg!(target_pointer_width = "64") { $first } else { size_of::<$name>() };
         }
-        const _: () = assert!(<$name as super::call::Sized32>::FIRST <= size_of::<$name>());
+        const _: () = {
+            assert!(<$name as super::call::Sized32>::FIRST <= size_of::<$name>());
+            const fn members(of: &$name) -> usize {
+                let $name { $($member),+ } = of;
+                0 $(+ size_of_val($member))+
+            }
+            // SAFETY: all bits zero is a value.
+            let bytes = members(&unsafe { std::mem::zeroed() });
+            assert!(cfg!(not(target_pointer_width = "64")) || bytes == size_of::<$name>(), "a struct with a hole");
+        };
     )+};
 }
 pub(super) use sized_structs;

@@ -1,21 +1,59 @@
-//! What changes in a renderer's scene: each call a change of its own.
+//! What changes in a renderer's scene, or in one that is not rendered yet: each call a change of its own, all or, on an error, nothing.
 
-use std::ffi::c_char;
-
-use super::call::{Failure, NeubrdfResult, array, call, object, path, read, text};
-use super::host_mesh::{NeubrdfDeformation, update_by};
+use super::call::{Failure, NeubrdfResult, array, call, object, read};
+use super::host_mesh::{NeubrdfDeformation, follow, update_by};
 use super::renderer::NeubrdfRenderer;
-use super::scene::{NeubrdfCamera, NeubrdfMaterial, environment, index_of, sun, transform};
-use crate::plugin::Change;
-use crate::scene::{Instance, Material, Scene, Surface};
+use super::scene::{NeubrdfCamera, NeubrdfMaterial, NeubrdfScene, environment, sun, transform};
+use crate::plugin::{self, Change};
+use crate::scene::{Instance, Scene};
+
+/// What can be changed.
+pub(super) trait Changeable {
+    /// What the calls name it.
+    const NAME: &'static str;
+
+    /// As it is now.
+    fn scene(&self) -> &Scene;
+
+    /// Makes changes, all or, on an error, none.
+    fn change(&mut self, changes: &[Change]) -> Result<(), Failure>;
+}
+
+impl Changeable for NeubrdfRenderer {
+    const NAME: &'static str = "renderer";
+
+    fn scene(&self) -> &Scene {
+        self.renderer.scene()
+    }
+
+    fn change(&mut self, changes: &[Change]) -> Result<(), Failure> {
+        self.renderer.update(changes)?;
+        follow(&mut self.host_meshes, changes);
+        Ok(())
+    }
+}
+
+impl Changeable for NeubrdfScene {
+    const NAME: &'static str = "scene";
+
+    fn scene(&self) -> &Scene {
+        &self.scene
+    }
+
+    fn change(&mut self, changes: &[Change]) -> Result<(), Failure> {
+        plugin::change(&mut self.scene, changes)?;
+        follow(&mut self.host_meshes, changes);
+        Ok(())
+    }
+}
 
 /// Makes changes, all or, on an error, none.
 ///
 /// # Safety
 /// The object is alive.
-unsafe fn update(renderer: *mut NeubrdfRenderer, changes: &[Change]) -> Result<(), Failure> {
+unsafe fn update<T: Changeable>(of: *mut T, changes: &[Change]) -> Result<(), Failure> {
     // SAFETY: as the caller says.
-    Ok(unsafe { object(renderer, "renderer")? }.renderer.update(changes)?)
+    unsafe { object(of, T::NAME)? }.change(changes)
 }
 
 /// Another view, from the next frame on.
@@ -44,6 +82,22 @@ pub unsafe extern "C" fn neubrdf_renderer_set_top_level(renderer: *mut NeubrdfRe
     })
 }
 
+/// Instances that stand elsewhere.
+///
+/// # Safety
+/// As of [`neubrdf_renderer_set_transforms`].
+unsafe fn moved(instances: *const u32, object_to_world: *const f32, count: u32) -> Result<Vec<Change>, Failure> {
+    // SAFETY: as the caller says.
+    let (instances, rows) = unsafe {
+        let rows: &[[f32; 12]] = array(object_to_world.cast(), count as usize, "object_to_world")?;
+        (array(instances, count as usize, "instances")?, rows)
+    };
+    let moved = instances.iter().zip(rows);
+    Ok(moved
+        .map(|(instance, rows)| Change::Transform { instance: *instance, object_to_world: transform(rows) })
+        .collect())
+}
+
 /// Moves `count` instances, from the next frame on: the indices, and twelve floats for each, the upper three rows of its matrix. The top level
 /// over all instances follows, once.
 ///
@@ -56,19 +110,38 @@ pub unsafe extern "C" fn neubrdf_renderer_set_transforms(
     object_to_world: *const f32,
     count: u32,
 ) -> NeubrdfResult {
-    call(|| {
-        // SAFETY: as the caller says.
-        let (instances, rows) = unsafe {
-            let rows: &[[f32; 12]] = array(object_to_world.cast(), count as usize, "object_to_world")?;
-            (array(instances, count as usize, "instances")?, rows)
-        };
-        let moved = instances.iter().zip(rows);
-        let changes: Vec<Change> = moved
-            .map(|(instance, rows)| Change::Transform { instance: *instance, object_to_world: transform(rows) })
-            .collect();
-        // SAFETY: as the caller says.
-        unsafe { update(renderer, &changes) }
-    })
+    // SAFETY: as the caller says.
+    call(|| unsafe { update(renderer, &moved(instances, object_to_world, count)?) })
+}
+
+/// Moves instances of a scene: as of `neubrdf_renderer_set_transforms`.
+///
+/// # Safety
+/// The arrays have these lengths.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn neubrdf_scene_set_transforms(
+    scene: *mut NeubrdfScene,
+    instances: *const u32,
+    object_to_world: *const f32,
+    count: u32,
+) -> NeubrdfResult {
+    // SAFETY: as the caller says.
+    call(|| unsafe { update(scene, &moved(instances, object_to_world, count)?) })
+}
+
+/// Other instances.
+///
+/// # Safety
+/// As of [`neubrdf_renderer_set_instances`].
+unsafe fn placed(meshes: *const u32, object_to_world: *const f32, count: u32) -> Result<Change, Failure> {
+    // SAFETY: as the caller says.
+    let (meshes, rows) = unsafe {
+        let rows: &[[f32; 12]] = array(object_to_world.cast(), count as usize, "object_to_world")?;
+        (array(meshes, count as usize, "meshes")?, rows)
+    };
+    let placed = meshes.iter().zip(rows);
+    let instance = |(mesh, rows): (&u32, _)| Instance { mesh: *mesh, object_to_world: transform(rows) };
+    Ok(Change::Instances(placed.map(instance).collect()))
 }
 
 /// Other instances, `count` of them, at least one, from the next frame on: the mesh of each, and twelve floats, the upper three rows of its
@@ -83,17 +156,23 @@ pub unsafe extern "C" fn neubrdf_renderer_set_instances(
     object_to_world: *const f32,
     count: u32,
 ) -> NeubrdfResult {
-    call(|| {
-        // SAFETY: as the caller says.
-        let (meshes, rows) = unsafe {
-            let rows: &[[f32; 12]] = array(object_to_world.cast(), count as usize, "object_to_world")?;
-            (array(meshes, count as usize, "meshes")?, rows)
-        };
-        let placed = meshes.iter().zip(rows);
-        let instances = placed.map(|(mesh, rows)| Instance { mesh: *mesh, object_to_world: transform(rows) }).collect();
-        // SAFETY: as the caller says.
-        unsafe { update(renderer, &[Change::Instances(instances)]) }
-    })
+    // SAFETY: as the caller says.
+    call(|| unsafe { update(renderer, &[placed(meshes, object_to_world, count)?]) })
+}
+
+/// Other instances of a scene: as of `neubrdf_renderer_set_instances`.
+///
+/// # Safety
+/// The arrays have these lengths.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn neubrdf_scene_set_instances(
+    scene: *mut NeubrdfScene,
+    meshes: *const u32,
+    object_to_world: *const f32,
+    count: u32,
+) -> NeubrdfResult {
+    // SAFETY: as the caller says.
+    call(|| unsafe { update(scene, &[placed(meshes, object_to_world, count)?]) })
 }
 
 /// Another shape of a mesh, from the next frame on: its vertices lie elsewhere, its triangles connect the same ones.
@@ -110,6 +189,29 @@ pub unsafe extern "C" fn neubrdf_renderer_deform(
     call(|| unsafe { update(renderer, &[read(deformation)?.change(mesh)?]) })
 }
 
+/// Another shape of a scene's mesh: as of `neubrdf_renderer_deform`. `by` changes nothing here.
+///
+/// # Safety
+/// The arrays have these lengths; the vertices on the device are as of `neubrdf_scene_add_device_mesh`.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn neubrdf_scene_deform(
+    scene: *mut NeubrdfScene,
+    mesh: u32,
+    deformation: *const NeubrdfDeformation,
+) -> NeubrdfResult {
+    // SAFETY: as the caller says.
+    call(|| unsafe { update(scene, &[read(deformation)?.change(mesh)?]) })
+}
+
+/// # Safety
+/// As of [`neubrdf_renderer_set_material`].
+unsafe fn set_material<T: Changeable>(of: *mut T, index: u32, material: *const NeubrdfMaterial) -> Result<(), Failure> {
+    // SAFETY: as the caller says.
+    let (of, material) = unsafe { (object(of, T::NAME)?, read(material)?) };
+    let material = material.material(format!("material {index}"), &of.scene().materials)?;
+    of.change(&[Change::Material { index, material }])
+}
+
 /// Another material, from the next frame on.
 ///
 /// # Safety
@@ -120,57 +222,22 @@ pub unsafe extern "C" fn neubrdf_renderer_set_material(
     index: u32,
     material: *const NeubrdfMaterial,
 ) -> NeubrdfResult {
-    call(|| {
-        // SAFETY: as the caller says.
-        unsafe {
-            let others = &object(renderer, "renderer")?.renderer.scene().materials;
-            let material = read(material)?.material(format!("material {index}"), others)?;
-            update(renderer, &[Change::Material { index, material }])
-        }
-    })
+    // SAFETY: as the caller says.
+    call(|| unsafe { set_material(renderer, index, material) })
 }
 
-/// Another material, from the next frame on, of a file as of `neubrdf_scene_add_material_file`; it does not emit. The file's BRDF takes the
-/// place of the material's own, if that has one that no other has.
+/// Another material in the place of one of a scene.
 ///
 /// # Safety
-/// `file` is a C string, `name` one or null; the renderer is alive.
+/// Both are alive.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn neubrdf_renderer_set_material_file(
-    renderer: *mut NeubrdfRenderer,
+pub unsafe extern "C" fn neubrdf_scene_set_material(
+    scene: *mut NeubrdfScene,
     index: u32,
-    file: *const c_char,
-    name: *const c_char,
+    material: *const NeubrdfMaterial,
 ) -> NeubrdfResult {
-    call(|| {
-        // SAFETY: as the caller says.
-        let (renderer, file, name) =
-            unsafe { (&mut object(renderer, "renderer")?.renderer, path(file)?, text(name, "name")?) };
-        let (mut surface, brdfs, warnings) = Surface::load(&file, name)?;
-        if let Some(warning) = warnings.first() {
-            // There is nobody to warn.
-            return Err(Failure::scene(warning));
-        }
-        let mut changes = Vec::new();
-        if let Surface::Measured { brdf } = &mut surface {
-            let loaded = brdfs[*brdf as usize].clone();
-            *brdf = place_for_brdf(renderer.scene(), index)?;
-            changes.push(Change::Brdf { index: *brdf, brdf: loaded });
-        }
-        let material = Material::new(file.display().to_string(), surface);
-        changes.push(Change::Material { index, material });
-        Ok(renderer.update(&changes)?)
-    })
-}
-
-/// Where a BRDF for that material goes: in the place of its own, or after the last.
-fn place_for_brdf(scene: &Scene, index: u32) -> Result<u32, Failure> {
-    let own = scene.materials.get(index as usize).map(|material| &material.surface);
-    let sharing = scene.materials.iter().filter(|material| Some(&material.surface) == own).count();
-    match own {
-        Some(Surface::Measured { brdf }) if sharing == 1 => Ok(*brdf),
-        _ => index_of(scene.brdfs.len()),
-    }
+    // SAFETY: as the caller says.
+    call(|| unsafe { set_material(scene, index, material) })
 }
 
 /// Another sky, from the next frame on: as of `neubrdf_scene_set_environment`.

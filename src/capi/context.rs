@@ -50,7 +50,8 @@ pub struct NeubrdfHost {
             memory: *mut NeubrdfMemory,
         ) -> i32,
     >,
-    /// Takes it back: the buffer is gone.
+    /// Takes it back: the buffer is gone. Called from those threads too, and from one in `neubrdf_renderer_complete`, which gives back what the
+    /// recordings that are done used alone.
     pub free: Option<unsafe extern "C" fn(user: *mut c_void, memory: *const NeubrdfMemory)>,
     /// The host's own, for these two.
     pub user: *mut c_void,
@@ -158,7 +159,12 @@ unsafe impl HostAllocator for Callbacks {
     }
 }
 
-sized_structs! { NeubrdfHost: 56 }
+sized_structs! {
+    NeubrdfHost: 56 {
+        size, queue_family, get_instance_proc_addr, instance, physical_device, device, pipeline_cache, ray_query, debug_utils, allocate,
+        free, user,
+    }
+}
 
 /// A device lent to us.
 pub struct NeubrdfContext {

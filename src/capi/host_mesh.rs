@@ -84,9 +84,20 @@ pub struct NeubrdfDeformation {
     pub lower: [f32; 3],
     /// Its upper corner.
     pub upper: [f32; 3],
+    /// Nothing: 0.
+    pub reserved: u32,
 }
 
-sized_structs! { NeubrdfDeviceMesh: 96, NeubrdfDeformation: 80 }
+sized_structs! {
+    NeubrdfDeviceMesh: 96 {
+        size, vertex_count, positions, normals, uvs, indices, position_stride, normal_stride, uv_stride, index_type, triangle_count,
+        material, materials, lower, upper,
+    }
+    NeubrdfDeformation: 80 {
+        size, by, vertex_count, position_stride, positions, normals, device_positions, device_normals, normal_stride, lower, upper,
+        reserved,
+    }
+}
 
 /// The update of that number.
 pub(super) fn update_by(by: u32) -> Result<Update, Failure> {
@@ -139,6 +150,9 @@ impl NeubrdfDeformation {
     /// # Safety
     /// Arrays and buffers are as the struct says.
     pub(super) unsafe fn change(&self, mesh: u32) -> Result<Change, Failure> {
+        if self.reserved != 0 {
+            return Err(Failure::argument(format!("NeubrdfDeformation.reserved is {}: set it to 0", self.reserved)));
+        }
         let count = self.vertex_count;
         let on_the_cpu = |pointer| unless_null(pointer, count as usize);
         // SAFETY: as the caller says.
@@ -152,6 +166,22 @@ impl NeubrdfDeformation {
                 HostVertices { positions, normals: attribute(self.device_normals, self.normal_stride, 12, count) }
             });
             Ok(Change::Deform { mesh, positions, normals, from, by: update_by(self.by)? })
+        }
+    }
+}
+
+/// What changes make of a scene's meshes from the host's buffers: their vertices are where they were read last. A mesh whose vertices came from
+/// the CPU has all that it is in the scene.
+pub(super) fn follow(host_meshes: &mut Vec<(u32, HostMesh)>, changes: &[Change]) {
+    for change in changes {
+        if let Change::Deform { mesh, from, .. } = change {
+            match from {
+                Some(vertices) => {
+                    let same = host_meshes.iter_mut().filter(|(index, _)| index == mesh);
+                    same.for_each(|(_, host_mesh)| host_mesh.vertices = *vertices);
+                }
+                None => host_meshes.retain(|(index, _)| index != mesh),
+            }
         }
     }
 }

@@ -431,7 +431,8 @@ typedef struct NeubrdfHost {
    */
   int32_t (*allocate)(void *user, const struct NeubrdfMemoryRequest *request, struct NeubrdfMemory *memory);
   /**
-   * Takes it back: the buffer is gone.
+   * Takes it back: the buffer is gone. Called from those threads too, and from one in `neubrdf_renderer_complete`, which gives back what the
+   * recordings that are done used alone.
    */
   void (*free)(void *user, const struct NeubrdfMemory *memory);
   /**
@@ -883,6 +884,10 @@ typedef struct NeubrdfDeformation {
    * Its upper corner.
    */
   float upper[3];
+  /**
+   * Nothing: 0.
+   */
+  uint32_t reserved;
 } NeubrdfDeformation;
 
 #ifdef __cplusplus
@@ -1034,17 +1039,6 @@ enum NeubrdfResult neubrdf_scene_add_material(struct NeubrdfScene *scene,
                                               uint32_t *index);
 
 /**
- * Adds a material of a file: .neubrdf, .toml, MERL .binary, RGL .bsdf, NBRDF .safetensors, sparse .csv. `name` picks one of a file that holds
- * several, else it is null. With maps or emission: add another one with NEUBRDF_SURFACE_OF_MATERIAL.
- *
- * `file` is a C string, `name` one or null; `index` is null or points to room for a number.
- */
-enum NeubrdfResult neubrdf_scene_add_material_file(struct NeubrdfScene *scene,
-                                                   const char *file,
-                                                   const char *name,
-                                                   uint32_t *index);
-
-/**
  * Adds a mesh. It is seen where instances of it stand.
  *
  * The arrays have the lengths that the mesh says; `index` is null or points to room for a number.
@@ -1110,6 +1104,20 @@ enum NeubrdfResult neubrdf_renderer_create(const struct NeubrdfContext *context,
  * The object is alive, or null, and the device works on none of its recordings.
  */
 void neubrdf_renderer_destroy(struct NeubrdfRenderer *renderer);
+
+/**
+ * A copy of the scene as it is now, with all changes, for a new renderer where NEUBRDF_RESULT_NEW_RENDERER says that it takes one: the call of
+ * `neubrdf_scene_` that is named as the one that was refused changes the copy. The caller ends it. It has no warnings. A sky or a sun
+ * that was reserved and is not there is a black one.
+ *
+ * A mesh that came from the host's buffers does so again: the new renderer's first recording reads them, the vertices from where a deformation
+ * read them last, and then they must still be there. If a deformation gave them on the CPU, the mesh is in the scene whole: with the texture coordinates
+ * that its arrays had.
+ *
+ * The object is alive; `scene` points to room for a pointer.
+ */
+enum NeubrdfResult neubrdf_renderer_scene(const struct NeubrdfRenderer *renderer,
+                                          struct NeubrdfScene **scene);
 
 /**
  * Pixels across and down: what a target must have room for. Samples a pixel that the recordings so far take.
@@ -1210,6 +1218,16 @@ enum NeubrdfResult neubrdf_renderer_set_transforms(struct NeubrdfRenderer *rende
                                                    uint32_t count);
 
 /**
+ * Moves instances of a scene: as of `neubrdf_renderer_set_transforms`.
+ *
+ * The arrays have these lengths.
+ */
+enum NeubrdfResult neubrdf_scene_set_transforms(struct NeubrdfScene *scene,
+                                                const uint32_t *instances,
+                                                const float *object_to_world,
+                                                uint32_t count);
+
+/**
  * Other instances, `count` of them, at least one, from the next frame on: the mesh of each, and twelve floats, the upper three rows of its
  * matrix. The top level over all instances is rebuilt where they are more, fewer or of other meshes.
  *
@@ -1221,6 +1239,16 @@ enum NeubrdfResult neubrdf_renderer_set_instances(struct NeubrdfRenderer *render
                                                   uint32_t count);
 
 /**
+ * Other instances of a scene: as of `neubrdf_renderer_set_instances`.
+ *
+ * The arrays have these lengths.
+ */
+enum NeubrdfResult neubrdf_scene_set_instances(struct NeubrdfScene *scene,
+                                               const uint32_t *meshes,
+                                               const float *object_to_world,
+                                               uint32_t count);
+
+/**
  * Another shape of a mesh, from the next frame on: its vertices lie elsewhere, its triangles connect the same ones.
  *
  * The arrays have these lengths; the vertices on the device are as of `neubrdf_scene_add_device_mesh`.
@@ -1228,6 +1256,15 @@ enum NeubrdfResult neubrdf_renderer_set_instances(struct NeubrdfRenderer *render
 enum NeubrdfResult neubrdf_renderer_deform(struct NeubrdfRenderer *renderer,
                                            uint32_t mesh,
                                            const struct NeubrdfDeformation *deformation);
+
+/**
+ * Another shape of a scene's mesh: as of `neubrdf_renderer_deform`. `by` changes nothing here.
+ *
+ * The arrays have these lengths; the vertices on the device are as of `neubrdf_scene_add_device_mesh`.
+ */
+enum NeubrdfResult neubrdf_scene_deform(struct NeubrdfScene *scene,
+                                        uint32_t mesh,
+                                        const struct NeubrdfDeformation *deformation);
 
 /**
  * Another material, from the next frame on.
@@ -1239,15 +1276,13 @@ enum NeubrdfResult neubrdf_renderer_set_material(struct NeubrdfRenderer *rendere
                                                  const struct NeubrdfMaterial *material);
 
 /**
- * Another material, from the next frame on, of a file as of `neubrdf_scene_add_material_file`; it does not emit. The file's BRDF takes the
- * place of the material's own, if that has one that no other has.
+ * Another material in the place of one of a scene.
  *
- * `file` is a C string, `name` one or null; the renderer is alive.
+ * Both are alive.
  */
-enum NeubrdfResult neubrdf_renderer_set_material_file(struct NeubrdfRenderer *renderer,
-                                                      uint32_t index,
-                                                      const char *file,
-                                                      const char *name);
+enum NeubrdfResult neubrdf_scene_set_material(struct NeubrdfScene *scene,
+                                              uint32_t index,
+                                              const struct NeubrdfMaterial *material);
 
 /**
  * Another sky, from the next frame on: as of `neubrdf_scene_set_environment`.
@@ -1268,6 +1303,78 @@ enum NeubrdfResult neubrdf_renderer_set_environment(struct NeubrdfRenderer *rend
 enum NeubrdfResult neubrdf_renderer_set_sun(struct NeubrdfRenderer *renderer,
                                             const float *direction,
                                             const float *irradiance);
+
+/**
+ * Adds a material of a file: .neubrdf, .toml, MERL .binary, RGL .bsdf, NBRDF .safetensors, sparse .csv. `name` picks one of a file that holds
+ * several, else it is null. With maps or emission: add another one with NEUBRDF_SURFACE_OF_MATERIAL.
+ *
+ * `file` is a C string, `name` one or null; `index` is null or points to room for a number.
+ */
+enum NeubrdfResult neubrdf_scene_add_material_file(struct NeubrdfScene *scene,
+                                                   const char *file,
+                                                   const char *name,
+                                                   uint32_t *index);
+
+/**
+ * Adds a material of the bytes of a .neubrdf file, which are copied. `name` picks one of a file that holds several, else it is null. `label` is
+ * what errors call the bytes; null is a name of ours. Any bytes will do: what is no such file is NEUBRDF_RESULT_SCENE, and the scene is as before.
+ *
+ * `bytes` points to as many bytes as `size` says, or is null where that is 0; `name` and `label` are C strings or null; `index` is null or
+ * points to room for a number.
+ */
+enum NeubrdfResult neubrdf_scene_add_material_memory(struct NeubrdfScene *scene,
+                                                     const void *bytes,
+                                                     uint64_t size,
+                                                     const char *name,
+                                                     const char *label,
+                                                     uint32_t *index);
+
+/**
+ * Another material, from the next frame on, of a file as of `neubrdf_scene_add_material_file`; it does not emit. The file's BRDF is
+ * shared with the materials that have it already, or takes the place of one that no other material has: a material may become another and
+ * be set back as often as one likes. What would be a warning there is an error here.
+ *
+ * `file` is a C string, `name` one or null; the renderer is alive.
+ */
+enum NeubrdfResult neubrdf_renderer_set_material_file(struct NeubrdfRenderer *renderer,
+                                                      uint32_t index,
+                                                      const char *file,
+                                                      const char *name);
+
+/**
+ * Another material in the place of one of a scene: as of `neubrdf_renderer_set_material_file`.
+ *
+ * `file` is a C string, `name` one or null; the scene is alive.
+ */
+enum NeubrdfResult neubrdf_scene_set_material_file(struct NeubrdfScene *scene,
+                                                   uint32_t index,
+                                                   const char *file,
+                                                   const char *name);
+
+/**
+ * Another material, from the next frame on, of the bytes of a .neubrdf file: as of `neubrdf_scene_add_material_memory` and
+ * `neubrdf_renderer_set_material_file`.
+ *
+ * As of `neubrdf_scene_add_material_memory`; the renderer is alive.
+ */
+enum NeubrdfResult neubrdf_renderer_set_material_memory(struct NeubrdfRenderer *renderer,
+                                                        uint32_t index,
+                                                        const void *bytes,
+                                                        uint64_t size,
+                                                        const char *name,
+                                                        const char *label);
+
+/**
+ * Another material in the place of one of a scene: as of `neubrdf_renderer_set_material_memory`.
+ *
+ * As of `neubrdf_scene_add_material_memory`.
+ */
+enum NeubrdfResult neubrdf_scene_set_material_memory(struct NeubrdfScene *scene,
+                                                     uint32_t index,
+                                                     const void *bytes,
+                                                     uint64_t size,
+                                                     const char *name,
+                                                     const char *label);
 
 #ifdef __cplusplus
 }  // extern "C"

@@ -6,7 +6,7 @@ use super::call::{Failure, NeubrdfResult, call, end, hand_over, object, put, rea
 use super::context::NeubrdfContext;
 use super::scene::NeubrdfScene;
 use super::vulkan::*;
-use crate::gpu::{Commands, Device, HostBuffer, HostImage};
+use crate::gpu::{Commands, Device, HostBuffer, HostImage, HostMesh};
 use crate::image::Crop;
 use crate::plugin::{Channel, Frame, Options, PixelFormat, Place, Renderer, Target};
 use crate::render::{Family, Features, Sampler, Settings, Traversal};
@@ -15,6 +15,10 @@ use crate::render::{Family, Features, Sampler, Settings, Traversal};
 pub struct NeubrdfRenderer {
     device: Arc<Device>,
     pub(super) renderer: Renderer,
+    /// Meshes from the host's buffers, by their index.
+    pub(super) host_meshes: Vec<(u32, HostMesh)>,
+    /// Those of the frame that was recorded last; kept so that the next one asks the heap for nothing.
+    targets: Vec<Target>,
 }
 
 /// How rays find triangles.
@@ -222,7 +226,17 @@ pub struct NeubrdfStatus {
     pub reserved: u32,
 }
 
-sized_structs! { NeubrdfOptions: 52, NeubrdfTarget: 64, NeubrdfFrame: 24, NeubrdfStatus: 24 }
+sized_structs! {
+    NeubrdfOptions: 52 {
+        size, max_depth, seed, sampler, traversal, pool_paths, frames_in_flight, features, reserve, crop, neubrdf_count, clamp_indirect,
+        path_reuse,
+    }
+    NeubrdfTarget: 64 {
+        size, format, channel, exposure, image, layout_before, layout_after, origin, buffer, buffer_offset, buffer_bytes, image_size,
+    }
+    NeubrdfFrame: 24 { size, samples, targets, target_count, estimates_error }
+    NeubrdfStatus: 24 { size, samples, error, rejected, reserved }
+}
 
 impl NeubrdfOptions {
     fn options(&self) -> Result<Options, Failure> {
@@ -367,9 +381,10 @@ pub unsafe extern "C" fn neubrdf_renderer_create(
             // SAFETY: as the caller says.
             false => unsafe { read(options)? }.options()?,
         };
-        let made = Renderer::with_host_meshes(&context.device, scene.scene.clone(), &scene.host_meshes, &options)?;
+        let (device, host_meshes) = (context.device.clone(), scene.host_meshes.clone());
+        let made = Renderer::with_host_meshes(&device, scene.scene.clone(), &host_meshes, &options)?;
         // SAFETY: as the caller says.
-        unsafe { hand_over(renderer, NeubrdfRenderer { device: context.device.clone(), renderer: made }) }
+        unsafe { hand_over(renderer, NeubrdfRenderer { device, renderer: made, host_meshes, targets: Vec::new() }) }
     })
 }
 
@@ -381,6 +396,30 @@ pub unsafe extern "C" fn neubrdf_renderer_create(
 pub unsafe extern "C" fn neubrdf_renderer_destroy(renderer: *mut NeubrdfRenderer) {
     // SAFETY: as the caller says.
     unsafe { end(renderer) }
+}
+
+/// A copy of the scene as it is now, with all changes, for a new renderer where NEUBRDF_RESULT_NEW_RENDERER says that it takes one: the call of
+/// `neubrdf_scene_` that is named as the one that was refused changes the copy. The caller ends it. It has no warnings. A sky or a sun
+/// that was reserved and is not there is a black one.
+///
+/// A mesh that came from the host's buffers does so again: the new renderer's first recording reads them, the vertices from where a deformation
+/// read them last, and then they must still be there. If a deformation gave them on the CPU, the mesh is in the scene whole: with the texture coordinates
+/// that its arrays had.
+///
+/// # Safety
+/// The object is alive; `scene` points to room for a pointer.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn neubrdf_renderer_scene(
+    renderer: *const NeubrdfRenderer,
+    scene: *mut *mut NeubrdfScene,
+) -> NeubrdfResult {
+    call(|| {
+        // SAFETY: as the caller says.
+        let NeubrdfRenderer { renderer, host_meshes, .. } = unsafe { shared(renderer, "renderer")? };
+        let copy = NeubrdfScene::new(renderer.scene().clone(), host_meshes.clone());
+        // SAFETY: as the caller says.
+        unsafe { hand_over(scene, copy) }
+    })
 }
 
 /// Pixels across and down: what a target must have room for. Samples a pixel that the recordings so far take.
@@ -420,7 +459,7 @@ pub unsafe extern "C" fn neubrdf_renderer_record_upload(
     call(|| {
         // SAFETY: as the caller says.
         unsafe {
-            let NeubrdfRenderer { device, renderer } = object(renderer, "renderer")?;
+            let NeubrdfRenderer { device, renderer, .. } = object(renderer, "renderer")?;
             let mut commands = Commands::wrap(device, command_buffer);
             let number = renderer.record_upload(&mut commands)?;
             commands.finish()?;
@@ -447,12 +486,11 @@ pub unsafe extern "C" fn neubrdf_renderer_record(
     call(|| {
         // SAFETY: as the caller says.
         unsafe {
-            let NeubrdfRenderer { device, renderer } = object(renderer, "renderer")?;
+            let NeubrdfRenderer { device, renderer, targets, .. } = object(renderer, "renderer")?;
             let frame = read(frame)?;
-            let targets = targets(&frame)?;
+            fill_targets(targets, &frame)?;
             let mut commands = Commands::wrap(device, command_buffer);
-            let frame =
-                Frame { samples: frame.samples, targets: &targets, estimates_error: frame.estimates_error != 0 };
+            let frame = Frame { samples: frame.samples, targets, estimates_error: frame.estimates_error != 0 };
             let number = renderer.record(&mut commands, &frame)?;
             commands.finish()?;
             put(ticket, number);
@@ -461,12 +499,12 @@ pub unsafe extern "C" fn neubrdf_renderer_record(
     })
 }
 
-/// The targets of a frame, which stand as far apart as the first one's size says: all have that size.
+/// Makes the list that of a frame's targets, which stand as far apart as the first one's size says: all have that size.
 ///
 /// # Safety
 /// As of [`neubrdf_renderer_record`].
-unsafe fn targets(frame: &NeubrdfFrame) -> Result<Vec<Target>, Failure> {
-    let mut targets = Vec::new();
+unsafe fn fill_targets(targets: &mut Vec<Target>, frame: &NeubrdfFrame) -> Result<(), Failure> {
+    targets.clear();
     let mut stride = None;
     for index in 0..frame.target_count {
         // SAFETY: as the caller says.
@@ -480,7 +518,7 @@ unsafe fn targets(frame: &NeubrdfFrame) -> Result<Vec<Target>, Failure> {
         // SAFETY: as the caller says.
         targets.push(unsafe { target.target()? });
     }
-    Ok(targets)
+    Ok(())
 }
 
 /// The host knows that the recording of that number and all before it are done: gives back what they alone used. `status`, if not null, is
@@ -577,8 +615,9 @@ mod tests {
     }
 
     #[test]
-    fn targets_stand_as_far_apart_as_the_first_one_s_size_says() {
-        let read = |sizes: [usize; 2]| {
+    fn targets_stand_as_far_apart_as_the_first_one_s_size_says_and_take_no_more_of_the_heap_than_the_first_ones() {
+        let mut targets = Vec::new();
+        let mut read = |sizes: [usize; 2]| {
             let newer = [(sizes[0], 1), (sizes[1], 3)].map(|(size, format)| {
                 let target = NeubrdfTarget {
                     size: size as u32,
@@ -604,12 +643,15 @@ mod tests {
                 estimates_error: 0,
             };
             // SAFETY: two targets are there, of the first one's size; the buffer is not looked at.
-            let targets = unsafe { targets(&frame) }.ok()?;
-            Some([targets[0].format, targets[1].format])
+            unsafe { fill_targets(&mut targets, &frame) }.ok()?;
+            let formats: Vec<PixelFormat> = targets.iter().map(|target| target.format).collect();
+            Some((formats, targets.as_ptr()))
         };
         let size = size_of::<Newer>();
-        assert_eq!(read([size, size]), Some([PixelFormat::Rgba16Float, PixelFormat::Bgra8]));
+        let first = read([size, size]).unwrap();
+        assert_eq!(first.0, [PixelFormat::Rgba16Float, PixelFormat::Bgra8]);
         assert_eq!(read([size, size_of::<NeubrdfTarget>()]), None);
+        assert_eq!(read([size, size]), Some(first));
     }
 
     #[test]

@@ -5,7 +5,7 @@ use std::ffi::{CString, c_char};
 use glam::{Affine3A, Mat3, Vec2, Vec3};
 use half::f16;
 
-use super::call::{Failure, NeubrdfResult, array, call, end, hand_over, object, path, put, read, sized_structs, text};
+use super::call::{Failure, NeubrdfResult, array, call, end, hand_over, object, path, put, read, sized_structs};
 use crate::gpu::HostMesh;
 use crate::scene::{
     Camera, Color, Environment, Film, Fresnel, Instance, Lens, Material, Mesh, Opacity, Patches, Scene, Sun, Surface,
@@ -128,7 +128,14 @@ pub struct NeubrdfMaterial {
     pub anisotropy_direction_map: u32,
 }
 
-sized_structs! { NeubrdfCamera: 52, NeubrdfMesh: 56, NeubrdfMaterial: 76 }
+sized_structs! {
+    NeubrdfCamera: 52 { size, vertical_fov_degrees, eye, target, up, lens_radius, focus_distance }
+    NeubrdfMesh: 56 { size, vertex_count, positions, normals, uvs, indices, materials, triangle_count, material }
+    NeubrdfMaterial: 76 {
+        size, surface, color, texture, eta, kappa, alpha, ior, emission, emits_both_sides, transparency, opacity_texture, normal_map,
+        roughness_map, emission_texture, patch_map, patch_material, surface_of, anisotropy_direction_map,
+    }
+}
 
 impl NeubrdfCamera {
     pub(super) fn camera(&self) -> Camera {
@@ -246,12 +253,31 @@ pub(super) fn transform(rows: &[f32; 12]) -> Affine3A {
     Affine3A::from_mat3_translation(matrix, Vec3::new(rows[3], rows[7], rows[11]))
 }
 
-fn scene_of(scene: Scene, warnings: Vec<Warning>) -> NeubrdfScene {
-    NeubrdfScene { scene, host_meshes: Vec::new(), warnings: warnings.iter().map(told).collect() }
+/// What `neubrdf_scene_create` begins with.
+pub(super) fn empty() -> Scene {
+    Scene {
+        camera: Camera { eye: Vec3::Z, target: Vec3::ZERO, up: Vec3::Y, vertical_fov_degrees: 40.0, lens: None },
+        film: Film { width: 512, height: 512 },
+        meshes: Vec::new(),
+        instances: Vec::new(),
+        materials: Vec::new(),
+        textures: Vec::new(),
+        brdfs: Vec::new(),
+        environment: None,
+        sun: None,
+    }
 }
 
-fn told(warning: &Warning) -> CString {
-    CString::new(warning.to_string()).unwrap_or_default()
+impl NeubrdfScene {
+    /// A scene, and those of its meshes that are in the host's buffers.
+    pub(super) fn new(scene: Scene, host_meshes: Vec<(u32, HostMesh)>) -> NeubrdfScene {
+        NeubrdfScene { scene, host_meshes, warnings: Vec::new() }
+    }
+
+    /// Keeps warnings for the host to ask for.
+    pub(super) fn warn(&mut self, warnings: &[Warning]) {
+        self.warnings.extend(warnings.iter().map(|warning| CString::new(warning.to_string()).unwrap_or_default()));
+    }
 }
 
 /// An index that is the length of a list before something was added.
@@ -268,8 +294,10 @@ pub unsafe extern "C" fn neubrdf_scene_load(file: *const c_char, scene: *mut *mu
     call(|| {
         // SAFETY: as the caller says.
         let (loaded, warnings) = Scene::load(unsafe { path(file)? })?;
+        let mut made = NeubrdfScene::new(loaded, Vec::new());
+        made.warn(&warnings);
         // SAFETY: as the caller says.
-        unsafe { hand_over(scene, scene_of(loaded, warnings)) }
+        unsafe { hand_over(scene, made) }
     })
 }
 
@@ -281,20 +309,8 @@ pub unsafe extern "C" fn neubrdf_scene_load(file: *const c_char, scene: *mut *mu
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn neubrdf_scene_create(scene: *mut *mut NeubrdfScene) -> NeubrdfResult {
     call(|| {
-        let camera = Camera { eye: Vec3::Z, target: Vec3::ZERO, up: Vec3::Y, vertical_fov_degrees: 40.0, lens: None };
-        let empty = Scene {
-            camera,
-            film: Film { width: 512, height: 512 },
-            meshes: Vec::new(),
-            instances: Vec::new(),
-            materials: Vec::new(),
-            textures: Vec::new(),
-            brdfs: Vec::new(),
-            environment: None,
-            sun: None,
-        };
         // SAFETY: as the caller says.
-        unsafe { hand_over(scene, scene_of(empty, Vec::new())) }
+        unsafe { hand_over(scene, NeubrdfScene::new(empty(), Vec::new())) }
     })
 }
 
@@ -435,35 +451,6 @@ pub unsafe extern "C" fn neubrdf_scene_add_material(
         let added = index_of(scene.scene.materials.len())?;
         let material = material.material(format!("material {added}"), &scene.scene.materials)?;
         scene.scene.materials.push(material);
-        // SAFETY: as the caller says.
-        unsafe { put(index, added) };
-        Ok(())
-    })
-}
-
-/// Adds a material of a file: .neubrdf, .toml, MERL .binary, RGL .bsdf, NBRDF .safetensors, sparse .csv. `name` picks one of a file that holds
-/// several, else it is null. With maps or emission: add another one with NEUBRDF_SURFACE_OF_MATERIAL.
-///
-/// # Safety
-/// `file` is a C string, `name` one or null; `index` is null or points to room for a number.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn neubrdf_scene_add_material_file(
-    scene: *mut NeubrdfScene,
-    file: *const c_char,
-    name: *const c_char,
-    index: *mut u32,
-) -> NeubrdfResult {
-    call(|| {
-        // SAFETY: as the caller says.
-        let (scene, file, name) = unsafe { (object(scene, "scene")?, path(file)?, text(name, "name")?) };
-        let (mut surface, brdfs, warnings) = Surface::load(&file, name)?;
-        scene.warnings.extend(warnings.iter().map(told));
-        if let Surface::Measured { brdf } = &mut surface {
-            *brdf += index_of(scene.scene.brdfs.len())?;
-        }
-        let added = index_of(scene.scene.materials.len())?;
-        scene.scene.brdfs.extend(brdfs);
-        scene.scene.materials.push(Material::new(file.display().to_string(), surface));
         // SAFETY: as the caller says.
         unsafe { put(index, added) };
         Ok(())

@@ -141,6 +141,13 @@ pub(super) fn apply(scene: &mut Scene, changes: &[Change], before: &mut Before) 
     Ok(touched)
 }
 
+/// Makes the changes of a scene that is not rendered, all of them or, on an error, none.
+pub(crate) fn change(scene: &mut Scene, changes: &[Change]) -> Result<(), Flaw> {
+    let mut before = Before::of(scene);
+    let made = apply(scene, changes, &mut before);
+    made.map(|_| ()).inspect_err(|_| before.restore(scene))
+}
+
 impl Touched {
     pub(super) fn is_scene(&self) -> bool {
         let Changed { instances, deformed, materials, brdfs, sky, lights, .. } = &self.scene;

@@ -11,6 +11,7 @@ mod target;
 
 pub use crate::gpu::{HostArray, HostIndices, HostMesh, HostVertices, IndexFormat, Update};
 pub use change::Change;
+pub(crate) use change::change;
 pub use error::Error;
 pub use layout::{DEVELOP_STRUCTS, DevelopPass};
 pub use renderer::{Frame, Options, Renderer};

@@ -1,8 +1,9 @@
 // A small engine in C++: its own instance, device, queue, command buffer and image, under synchronization validation. It renders an
-// OBJ file, or a scene that it makes itself and then changes, into its image, a few frames in flight, and writes the pixels to a file.
+// OBJ file, or a scene that it makes itself and then changes, into its image, a few frames in flight, and writes the pixels to a file; of a
+// scene that it made, then those of a new renderer, to a file whose name ends in `.renewed`.
 // A mesh of the made scene is in a vertex buffer of the engine's: with a copy on the CPU, for the BVH, or without one, for ray query.
 //
-//   host SCENE PIXELS DEVICE [MATERIAL OTHER]      SCENE: a file, `made`, or `made-on-device`; then MATERIAL and OTHER are files of two
+//   host SCENE PIXELS DEVICE [MATERIAL OTHER THIRD]      SCENE: a file, `made`, or `made-on-device`; then the last are files of three materials
 #include "neubrdf.h"
 
 #include <vulkan/vulkan.h>
@@ -264,6 +265,15 @@ static NeubrdfMaterial material_of(NeubrdfSurface surface, float grey, float alp
     return material;
 }
 
+static std::vector<char> bytes_of(const char* file) {
+    std::FILE* in = std::fopen(file, "rb");
+    if (!in) std::exit(1);
+    std::vector<char> bytes;
+    for (int byte = std::fgetc(in); byte != EOF; byte = std::fgetc(in)) bytes.push_back(char(byte));
+    std::fclose(in);
+    return bytes;
+}
+
 // A textured floor and a metal square above it, under a grey sky and a sun.
 static NeubrdfScene* make_scene(const Square& square, bool on_device, const char* file) {
     NeubrdfScene* scene;
@@ -278,7 +288,9 @@ static NeubrdfScene* make_scene(const Square& square, bool on_device, const char
     NeubrdfMaterial metal = material_of(NEUBRDF_SURFACE_CONDUCTOR, 0.5f, 0.25f);
     CHECK(neubrdf_scene_add_material(scene, &metal, nullptr));
     // No mesh has it: what is to come is no larger.
-    CHECK(neubrdf_scene_add_material_file(scene, file, nullptr, nullptr));
+    const std::vector<char> bytes = bytes_of(file);
+    if (on_device) CHECK(neubrdf_scene_add_material_memory(scene, bytes.data(), bytes.size(), nullptr, file, nullptr));
+    else CHECK(neubrdf_scene_add_material_file(scene, file, nullptr, nullptr));
     NeubrdfMesh mesh{};
     mesh.size = sizeof mesh;
     mesh.vertex_count = 4;
@@ -317,7 +329,7 @@ static NeubrdfScene* make_scene(const Square& square, bool on_device, const char
 }
 
 // All that can change.
-static void change(NeubrdfRenderer* renderer, const Square& square, bool on_device, const char* file) {
+static void change(NeubrdfRenderer* renderer, const Square& square, bool on_device, char** files) {
     NeubrdfCamera camera = camera_at(1, 2, 2);
     CHECK(neubrdf_renderer_set_camera(renderer, &camera));
     const uint32_t instance = 1;
@@ -343,7 +355,14 @@ static void change(NeubrdfRenderer* renderer, const Square& square, bool on_devi
     NeubrdfMaterial floor = material_of(NEUBRDF_SURFACE_DIFFUSE, 0.5f, 0.0f);
     floor.texture = 1;
     CHECK(neubrdf_renderer_set_material(renderer, 0, &floor));
-    CHECK(neubrdf_renderer_set_material_file(renderer, 1, file, nullptr));
+    // Those of files come and go, as in an editor; there is room for one NeuBRDF more than at first.
+    NeubrdfMaterial metal = material_of(NEUBRDF_SURFACE_CONDUCTOR, 0.5f, 0.25f);
+    for (int i = 0; i < 12; ++i) {
+        CHECK(neubrdf_renderer_set_material_file(renderer, 1, files[i % 3], nullptr));
+        CHECK(neubrdf_renderer_set_material(renderer, 1, &metal));
+    }
+    const std::vector<char> bytes = bytes_of(files[1]);
+    CHECK(neubrdf_renderer_set_material_memory(renderer, 1, bytes.data(), bytes.size(), nullptr, nullptr));
     // The same once more, as an engine says it that adds maps to it.
     NeubrdfMaterial other = material_of(NEUBRDF_SURFACE_OF_MATERIAL, 0.0f, 0.0f);
     other.surface_of = 1;
@@ -352,6 +371,74 @@ static void change(NeubrdfRenderer* renderer, const Square& square, bool on_devi
     CHECK(neubrdf_renderer_set_environment(renderer, 1, 1, sky, 0));
     const float towards[] = {0, 1, 0}, irradiance[] = {1, 2, 1};
     CHECK(neubrdf_renderer_set_sun(renderer, towards, irradiance));
+}
+
+// What the kernels were not built for, and more, goes into a copy of the scene, for a new renderer in the place of the old one.
+static NeubrdfRenderer* renewed(NeubrdfContext* context, NeubrdfRenderer* old, const NeubrdfOptions& options, bool on_device,
+                                char** files) {
+    NeubrdfMaterial coated = material_of(NEUBRDF_SURFACE_COATED, 0.5f, 0.25f);
+    if (neubrdf_renderer_set_material(old, 0, &coated) != NEUBRDF_RESULT_NEW_RENDERER) std::exit(1);
+    NeubrdfScene* scene;
+    CHECK(neubrdf_renderer_scene(old, &scene));
+    neubrdf_renderer_destroy(old);
+    CHECK(neubrdf_scene_set_material(scene, 0, &coated));
+    // One comes in the place of the other, as there is room for two NeuBRDFs.
+    const std::vector<char> bytes = bytes_of(files[0]);
+    CHECK(neubrdf_scene_set_material_memory(scene, 1, bytes.data(), bytes.size(), nullptr, nullptr));
+    CHECK(neubrdf_scene_set_material_file(scene, 1, files[2], nullptr));
+    const uint32_t meshes[] = {0, 1}, second = 1;
+    const float both[24] = {1, 0, 0, 0, 0, 1, 0, -0.25f, 0, 0, 1, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0};
+    CHECK(neubrdf_scene_set_instances(scene, meshes, both, 2));
+    const float above[] = {0.5f, 0, 0, 0, 0, 0.5f, 0, 0.5f, 0, 0, 0.5f, 0};
+    CHECK(neubrdf_scene_set_transforms(scene, &second, above, 1));
+    // The bent square lies in the engine's buffer, and is read from there again; or it becomes flat, on the CPU.
+    NeubrdfDeformation flat{};
+    flat.size = sizeof flat;
+    flat.vertex_count = 4;
+    flat.positions = positions;
+    if (!on_device) CHECK(neubrdf_scene_deform(scene, 1, &flat));
+    NeubrdfRenderer* renderer;
+    CHECK(neubrdf_renderer_create(context, scene, &options, &renderer));
+    neubrdf_scene_destroy(scene);
+    return renderer;
+}
+
+static void write_pixels(const Engine& engine, VkDeviceMemory memory, VkDeviceSize bytes, const std::string& output) {
+    void* pixels;
+    CHECK(vkMapMemory(engine.device, memory, 0, bytes, 0, &pixels));
+    std::FILE* out = std::fopen(output.c_str(), "wb");
+    if (!out || std::fwrite(pixels, 1, bytes, out) != bytes || std::fclose(out) != 0) std::exit(1);
+    vkUnmapMemory(engine.device, memory);
+}
+
+// The first frame of a renderer, of four samples, into a buffer.
+static void render_once(const Engine& engine, NeubrdfRenderer* renderer, VkBuffer buffer, VkDeviceSize bytes) {
+    VkCommandBufferAllocateInfo allocate{VK_STRUCTURE_TYPE_COMMAND_BUFFER_ALLOCATE_INFO};
+    allocate.commandPool = engine.pool;
+    allocate.commandBufferCount = 1;
+    VkCommandBuffer commands;
+    CHECK(vkAllocateCommandBuffers(engine.device, &allocate, &commands));
+    VkCommandBufferBeginInfo begin{VK_STRUCTURE_TYPE_COMMAND_BUFFER_BEGIN_INFO};
+    CHECK(vkBeginCommandBuffer(commands, &begin));
+    NeubrdfTarget target{};
+    target.size = sizeof target;
+    target.format = NEUBRDF_FORMAT_RGBA32_FLOAT;
+    target.buffer = buffer;
+    target.buffer_bytes = bytes;
+    NeubrdfFrame frame{};
+    frame.size = sizeof frame;
+    frame.samples = 4;
+    frame.targets = &target;
+    frame.target_count = 1;
+    uint64_t ticket;
+    CHECK(neubrdf_renderer_record(renderer, commands, &frame, &ticket));
+    CHECK(vkEndCommandBuffer(commands));
+    VkSubmitInfo submit{VK_STRUCTURE_TYPE_SUBMIT_INFO};
+    submit.commandBufferCount = 1;
+    submit.pCommandBuffers = &commands;
+    CHECK(vkQueueSubmit(engine.queue, 1, &submit, VK_NULL_HANDLE));
+    CHECK(vkQueueWaitIdle(engine.queue));
+    CHECK(neubrdf_renderer_complete(renderer, ticket, nullptr));
 }
 
 static void render(const Engine& engine, const char* file, const char* output, char** materials) {
@@ -441,7 +528,7 @@ static void render(const Engine& engine, const char* file, const char* output, c
     if (neubrdf_renderer_abandon(renderer, ticket) != NEUBRDF_RESULT_INVALID_ARGUMENT) std::exit(1);
     CHECK(vkResetCommandPool(engine.device, engine.pool, 0));
     for (uint32_t i = 0; i < frames; ++i) {
-        if (is_made && i == 1) change(renderer, square, on_device, materials[1]);
+        if (is_made && i == 1) change(renderer, square, on_device, materials);
         if (!is_made && i == 2) CHECK(neubrdf_renderer_reset(renderer));
         CHECK(vkBeginCommandBuffer(commands[i], &begin));
         NeubrdfTarget target{};
@@ -488,10 +575,13 @@ static void render(const Engine& engine, const char* file, const char* output, c
     CHECK(neubrdf_renderer_complete(renderer, ticket, &status));
     std::printf("%u samples, error %.4f, %u rejected\n", status.samples, status.error, status.rejected);
 
-    void* pixels;
-    CHECK(vkMapMemory(engine.device, buffer_memory, 0, bytes, 0, &pixels));
-    std::FILE* out = std::fopen(output, "wb");
-    if (!out || std::fwrite(pixels, 1, bytes, out) != bytes || std::fclose(out) != 0) std::exit(1);
+    write_pixels(engine, buffer_memory, bytes, output);
+    if (is_made) {
+        options.reserve = 0;
+        renderer = renewed(context, renderer, options, on_device, materials);
+        render_once(engine, renderer, buffer, bytes);
+        write_pixels(engine, buffer_memory, bytes, std::string(output) + ".renewed");
+    }
 
     neubrdf_renderer_destroy(renderer);
     neubrdf_context_destroy(context);
@@ -505,8 +595,8 @@ static void render(const Engine& engine, const char* file, const char* output, c
 }
 
 int main(int argc, char** argv) {
-    if (argc != 4 && argc != 6) {
-        std::fprintf(stderr, "usage: host SCENE PIXELS DEVICE [MATERIAL OTHER]\n");
+    if (argc != 4 && argc != 7) {
+        std::fprintf(stderr, "usage: host SCENE PIXELS DEVICE [MATERIAL OTHER THIRD]\n");
         return 2;
     }
     {

@@ -70,6 +70,13 @@ static void scenes(const char *file) {
     EXPECT(neubrdf_scene_place_texture(scene, 7, scale, scale), NEUBRDF_RESULT_INVALID_ARGUMENT, "texture 7 of");
     EXPECT(neubrdf_scene_place_texture(scene, 0, scale, NULL), NEUBRDF_RESULT_INVALID_ARGUMENT, "offset");
     EXPECT(neubrdf_scene_add_material_file(scene, "/nowhere.neubrdf", NULL, NULL), NEUBRDF_RESULT_SCENE, "/nowhere");
+    EXPECT(neubrdf_scene_set_material(scene, 7, &material), NEUBRDF_RESULT_SCENE, "index of a material");
+    EXPECT(neubrdf_scene_set_material_file(scene, 0, "/nowhere.neubrdf", NULL), NEUBRDF_RESULT_SCENE, "/nowhere");
+    EXPECT(neubrdf_scene_set_instances(scene, NULL, NULL, 0), NEUBRDF_RESULT_SCENE, "number of instances");
+    const uint32_t instance = 7;
+    const float rows[12] = {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0};
+    EXPECT(neubrdf_scene_set_transforms(scene, &instance, rows, 1), NEUBRDF_RESULT_SCENE, "instance");
+    EXPECT(neubrdf_scene_deform(scene, 7, NULL), NEUBRDF_RESULT_INVALID_ARGUMENT, "NeubrdfDeformation");
     const float down[3] = {0, 0, 0};
     EXPECT(neubrdf_scene_set_sun(scene, down, down), NEUBRDF_RESULT_INVALID_ARGUMENT, "direction");
     const float nan = 0.0f / 0.0f;
@@ -78,6 +85,23 @@ static void scenes(const char *file) {
     if (neubrdf_scene_warning(scene, 0)) failures += 1;
     neubrdf_scene_destroy(scene);
     neubrdf_scene_destroy(NULL);
+}
+
+/* Bytes of whatever kind are no crash. */
+static void bytes(void) {
+    const char junk[64] = "NEUBRDF\0\2\0\0\0\377\377\377\377";
+    NeubrdfScene *scene = NULL;
+    uint32_t index = 9;
+    EXPECT(neubrdf_scene_create(&scene), NEUBRDF_RESULT_OK, "");
+    EXPECT(neubrdf_scene_add_material_memory(scene, NULL, 8, NULL, NULL, &index), NEUBRDF_RESULT_INVALID_ARGUMENT, "bytes: 8");
+    EXPECT(neubrdf_scene_add_material_memory(scene, junk, UINT64_MAX, NULL, NULL, &index), NEUBRDF_RESULT_INVALID_ARGUMENT, "bytes");
+    EXPECT(neubrdf_scene_add_material_memory(scene, NULL, 0, NULL, NULL, &index), NEUBRDF_RESULT_SCENE, "cut off");
+    EXPECT(neubrdf_scene_add_material_memory(scene, junk, sizeof junk, NULL, "of the pack", &index), NEUBRDF_RESULT_SCENE, "of the pack: checksum");
+    EXPECT(neubrdf_scene_add_material_memory(scene, junk + 1, 63, NULL, "\xff", &index), NEUBRDF_RESULT_INVALID_ARGUMENT, "label");
+    EXPECT(neubrdf_scene_add_material_memory(scene, junk + 1, 63, NULL, NULL, &index), NEUBRDF_RESULT_SCENE, "in memory");
+    EXPECT(neubrdf_scene_set_material_memory(scene, 0, junk + 1, 63, NULL, NULL), NEUBRDF_RESULT_SCENE, "in memory");
+    if (index != 9) failures += 1;
+    neubrdf_scene_destroy(scene);
 }
 
 static void give_back(void *user, const NeubrdfMemory *memory) {
@@ -101,7 +125,15 @@ static void devices(void) {
     EXPECT(neubrdf_renderer_set_instances(NULL, NULL, NULL, 1), NEUBRDF_RESULT_INVALID_ARGUMENT, "object_to_world");
     EXPECT(neubrdf_renderer_set_top_level(NULL, 0), NEUBRDF_RESULT_INVALID_ARGUMENT, "renderer is null");
     EXPECT(neubrdf_renderer_deform(NULL, 0, NULL), NEUBRDF_RESULT_INVALID_ARGUMENT, "NeubrdfDeformation");
+    NeubrdfDeformation deformation;
+    memset(&deformation, 0, sizeof deformation);
+    deformation.size = sizeof deformation;
+    deformation.reserved = 1;
+    EXPECT(neubrdf_renderer_deform(NULL, 0, &deformation), NEUBRDF_RESULT_INVALID_ARGUMENT, "reserved is 1");
     EXPECT(neubrdf_renderer_set_material_file(NULL, 0, "", NULL), NEUBRDF_RESULT_INVALID_ARGUMENT, "renderer is null");
+    EXPECT(neubrdf_renderer_set_material_memory(NULL, 0, "", 0, NULL, NULL), NEUBRDF_RESULT_INVALID_ARGUMENT, "renderer is null");
+    NeubrdfScene *scene = NULL;
+    EXPECT(neubrdf_renderer_scene(NULL, &scene), NEUBRDF_RESULT_INVALID_ARGUMENT, "renderer is null");
     neubrdf_renderer_destroy(NULL);
     neubrdf_context_destroy(NULL);
 }
@@ -110,6 +142,7 @@ int main(int argc, char **argv) {
     if (argc != 2) return 2;
     if (neubrdf_version() < 1000) failures += 1;
     scenes(argv[1]);
+    bytes();
     devices();
     printf(failures ? "%d mistakes\n" : "all is as expected\n", failures);
     return failures != 0;

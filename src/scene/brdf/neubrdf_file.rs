@@ -251,9 +251,21 @@ impl NeuBrdfPack {
 
     /// The same, on behalf of a key of a scene file.
     fn load_for(path: &Path, needed_by: Option<&Place>) -> Result<NeuBrdfPack, Error> {
-        NeuBrdfPack::decode(&read_bytes(path, needed_by, LONGEST_FILE)?).map_err(|Flaw { field, found, expected }| {
-            Error::unexpected(Place { file: path.to_owned(), line: None, field: Some(field) }, found, expected)
+        NeuBrdfPack::decode_of(&read_bytes(path, needed_by, LONGEST_FILE)?, path)
+    }
+
+    /// The same of a file's bytes.
+    fn decode_of(bytes: &[u8], file: &Path) -> Result<NeuBrdfPack, Error> {
+        NeuBrdfPack::decode(bytes).map_err(|Flaw { field, found, expected }| {
+            Error::unexpected(Place { file: file.to_owned(), line: None, field: Some(field) }, found, expected)
         })
+    }
+
+    /// The material of that name, or the only one.
+    fn pick(mut self, name: Option<&str>, file: &Path) -> Result<NeuBrdf, Error> {
+        let names: Vec<&str> = self.materials.iter().map(|(name, _)| name.as_str()).collect();
+        let place = picked(file, name, &names)?;
+        Ok(self.materials.swap_remove(place).1)
     }
 }
 
@@ -288,10 +300,12 @@ impl NeuBrdf {
 
     /// The same, on behalf of a key of a scene file.
     pub(super) fn load_for(path: &Path, name: Option<&str>, needed_by: Option<&Place>) -> Result<NeuBrdf, Error> {
-        let mut materials = NeuBrdfPack::load_for(path, needed_by)?.materials;
-        let names: Vec<&str> = materials.iter().map(|(name, _)| name.as_str()).collect();
-        let place = picked(path, name, &names)?;
-        Ok(materials.swap_remove(place).1)
+        NeuBrdfPack::load_for(path, needed_by)?.pick(name, path)
+    }
+
+    /// The same of a file's bytes; `file` is what errors call them.
+    pub(crate) fn decode_of(bytes: &[u8], name: Option<&str>, file: &Path) -> Result<NeuBrdf, Error> {
+        NeuBrdfPack::decode_of(bytes, file)?.pick(name, file)
     }
 }
 
