@@ -24,6 +24,8 @@ pub(super) struct Library {
     /// The file and the name that each of them was read by.
     brdf_files: Vec<(PathBuf, Option<String>)>,
     pub warnings: Vec<Warning>,
+    /// Every file that was read or will be: of the scene's meshes, materials, textures, BRDFs and its sky.
+    pub files: BTreeSet<PathBuf>,
     /// Materials that an OBJ file names and no MTL file defines: index, and the OBJ file.
     pub undefined: Vec<(u32, PathBuf)>,
     /// Materials of faces without texture coordinates: index, and the OBJ file.
@@ -110,6 +112,7 @@ impl Library {
             }
             Err(error) => return Err(error),
         };
+        self.files.insert(path.to_owned());
         let mut lines = HashMap::new();
         let mut named = false;
         let check = |line: usize, statement: &str, out: &mut String| {
@@ -179,6 +182,7 @@ impl Library {
         let is_it = |known: &TextureFile| known.path == path && known.holds == holds && known.placement == placement;
         let index = self.textures.iter().position(is_it);
         index.unwrap_or_else(|| {
+            self.files.insert(path.clone());
             self.textures.push(TextureFile { path, holds, placement, named_by: named_by.clone() });
             self.textures.len() - 1
         }) as u32
@@ -192,6 +196,7 @@ impl Library {
         }
         let brdf = Brdf::load_for(&key.0, name, Some(named_by)).map_err(|error| error.named_by(Some(named_by)))?;
         self.brdfs.push(Arc::new(brdf));
+        self.files.insert(key.0.clone());
         self.brdf_files.push(key);
         Ok(self.brdfs.len() as u32 - 1)
     }
