@@ -168,6 +168,11 @@ fn an_interrupted_render_resumes_to_the_same_file() {
         text(&path("x.exr")),
     ]);
     assert!(message.contains("film width 24"), "{message}");
+    std::fs::write(&obj, std::fs::read_to_string(&obj).unwrap().replace("v 1 0 0", "v 2 0 0")).unwrap();
+    let out = path("x.exr");
+    let changed = ["render", text(&obj), "--size", "24x24", "--seed", "5", "--spp", "12", "-o", text(&out)];
+    let message = fail(&[&changed[..], &["--checkpoint", text(&state), "--resume"]].concat());
+    assert!(message.contains("the scene, or a file that it names, has changed"), "{message}");
 }
 
 #[test]
@@ -261,8 +266,76 @@ fn what_would_be_lost_is_refused() {
     let same = std::fs::read(&model).unwrap();
     assert!(fail(&["train", &model, "-o", &model]).contains("another name"));
     assert!(fail(&["train", text(&csv), "-o", &model, "--checkpoint", &model]).contains("written twice"));
-    assert!(fail(&["export", &model, "--shader", "glsl", "-o", &model]).contains("another name"));
+    for output in [&model, &path("new"), &path("a.wgsl")] {
+        assert!(fail(&["export", &model, "--shader", "glsl", "-o", output]).contains("must end in .glsl"));
+    }
     assert!(std::fs::read(&model).unwrap() == same);
+}
+
+/// A copy of a shipped scene's folder, and what a command line says of a file in it.
+fn copied(name: &str) -> (TempDir, impl Fn(&str) -> String) {
+    let from = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes").join(name);
+    let directory = tempfile::tempdir().unwrap();
+    for entry in std::fs::read_dir(from).unwrap().map(Result::unwrap) {
+        std::fs::copy(entry.path(), directory.path().join(entry.file_name())).unwrap();
+    }
+    let folder = directory.path().to_owned();
+    (directory, move |name: &str| folder.join(name).to_str().unwrap().to_owned())
+}
+
+/// What a scene loads is as much an input as the scene itself.
+#[test]
+fn no_file_that_a_scene_names_is_replaced() {
+    let refuses = |file: &str, arguments: &[&str]| {
+        let same = std::fs::read(file).unwrap();
+        let message = fail(arguments);
+        assert!(message.contains(file) && message.contains("would replace what is read"), "{message}");
+        assert!(std::fs::read(file).unwrap() == same, "{file}");
+    };
+    let (_sky, at) = copied("sky");
+    let (scene, texture, environment, elsewhere) = (at("scene.toml"), at("tiles.png"), at("sky.exr"), at("new.exr"));
+    refuses(&texture, &["render", &scene, "--png", &texture]);
+    refuses(&environment, &["render", &scene, "-o", &environment]);
+    #[cfg(unix)]
+    {
+        let link = at("link.exr");
+        std::os::unix::fs::symlink("sky.exr", &link).unwrap();
+        refuses(&link, &["render", &scene, "-o", &link]);
+    }
+    let (_mosaic, at) = copied("mosaic");
+    let (truth, color, recipe) = (at("truth.toml"), at("color.png"), at("glaze.toml"));
+    if cfg!(feature = "embree") {
+        refuses(&color, &["reference", &truth, "--png", &color]);
+        refuses(&color, &["reference", &truth, "-o", &elsewhere, "--png", &color]);
+    }
+    let network = at("glaze.neubrdf");
+    refuses(&network, &["train", &at("scene.toml"), "--name", "glaze", "-o", &network]);
+    // The recipe has learned it, and does not name it; a material's file may name one, too.
+    std::fs::write(&recipe, "type = 'measured'\nfile = 'glaze.neubrdf'\n").unwrap();
+    refuses(&network, &["train", &recipe, "-o", &network]);
+}
+
+#[test]
+fn what_another_renderer_cannot_show_leaves_no_directory() {
+    let directory = tempfile::tempdir().unwrap();
+    let folder = directory.path().join("mitsuba");
+    let scene = concat!(env!("CARGO_MANIFEST_DIR"), "/scenes/sky/scene.toml");
+    assert!(fail(&["export", scene, "--mitsuba", text(&folder)]).contains("a sky of many texels"));
+    assert!(!folder.exists());
+}
+
+/// A kernel that promises any memory would take us at our word.
+#[test]
+#[cfg(feature = "embree")]
+fn a_picture_that_no_memory_holds_is_an_error() {
+    let promises = std::fs::read_to_string("/proc/sys/vm/overcommit_memory").unwrap_or_default();
+    if promises.trim() == "1" {
+        return;
+    }
+    let (directory, obj) = bare_obj();
+    let exr = directory.path().join("out.exr");
+    let message = fail(&["reference", text(&obj), "-o", text(&exr), "--size", "65535x65535", "--spp", "1"]);
+    assert!(message.contains("65535×65535") && message.contains("use a smaller picture"), "{message}");
 }
 
 /// A batch system or a closed terminal ends a render as Ctrl-C does, but for what `nohup` started.
@@ -289,11 +362,11 @@ fn a_render_that_is_told_to_end_loses_nothing() {
     assert!(signal("-TERM", child.id()).success());
     let output = child.wait_with_output().unwrap();
     let said = stderr(&output);
-    assert!(output.status.success() && said.contains("interrupted: "), "{said}");
+    assert!(output.status.code() == Some(130) && said.contains("interrupted: "), "{said}");
     assert!(read_exr(&exr).unwrap().1.spp > 0);
 }
 
-/// What is ended early looks like what is done, but for a word.
+/// What is ended early looks like what is done, but for a word and the exit status.
 #[test]
 fn what_is_interrupted_says_so() {
     let (directory, obj) = bare_obj();
@@ -313,7 +386,7 @@ fn what_is_interrupted_says_so() {
         }
         assert!(Command::new("kill").args(["-TERM", &child.id().to_string()]).status().unwrap().success());
         let output = child.wait_with_output().unwrap();
-        assert!(output.status.success(), "{}", stderr(&output));
+        assert_eq!(output.status.code(), Some(130), "{}", stderr(&output));
         stderr(&output) + &String::from_utf8(output.stdout).unwrap()
     };
     let train = ["train", text(&csv), "-o", text(&model), "--quality", "draft", "--steps", "5000", "--hidden", "16"];
@@ -322,6 +395,10 @@ fn what_is_interrupted_says_so() {
         let said = told_to_end(arguments);
         assert!(said.contains(&format!("interrupted: {}: ", model.display())), "{said}");
     }
+    let (few, groups) = (samples(&path("few.csv"), 100, 23), path("group.neubrdf"));
+    let grouped = ["train", text(&csv), text(&few), "-o", text(&groups), "--share", "--groups", "2", "--steps", "5000"];
+    let said = told_to_end(&[&grouped[..], &["--quality", "draft", "--hidden", "16"]].concat());
+    assert!(said.contains("group-2.neubrdf and later ones were not begun"), "{said}");
     if cfg!(feature = "embree") {
         let said = told_to_end(&["reference", text(&obj), "-o", text(&exr), "--size", "512x512", "--spp", "1000000"]);
         assert!(said.contains("interrupted: ") && exr.exists(), "{said}");

@@ -4,7 +4,8 @@ use std::fs;
 use std::path::Path;
 
 use neubrdf::image::{
-    Error, Metadata, Picture, Samples, atomic_write, plane, read_exr, tone_map, write_exr, write_png,
+    Error, Metadata, Picture, Samples, atomic_write, check_writable, plane, read_exr, tone_map, write_exr, write_file,
+    write_png,
 };
 use proptest::prelude::*;
 
@@ -87,6 +88,49 @@ fn directories_devices_and_absent_files_are_errors() {
     assert!(read_exr("/dev/zero").is_err());
     let error = read_exr(directory.path().join("absent.exr")).unwrap_err();
     assert!(error.to_string().contains("absent.exr"), "{error}");
+}
+
+/// By the mode alone: root may write what nobody may.
+#[test]
+fn a_read_only_file_is_not_replaced() {
+    let directory = tempfile::tempdir().unwrap();
+    let path = directory.path().join("kept.exr");
+    fs::write(&path, "old").unwrap();
+    let mut permissions = fs::metadata(&path).unwrap().permissions();
+    permissions.set_readonly(true);
+    fs::set_permissions(&path, permissions).unwrap();
+    for result in [write_file(&path, "new"), check_writable(&path).map(|_| ())] {
+        let message = result.unwrap_err().to_string();
+        assert!(message.contains("kept.exr: is read-only"), "{message}");
+    }
+    assert_eq!(fs::read_to_string(&path).unwrap(), "old");
+}
+
+/// Relative, absolute, one to another, and to what is not there yet.
+#[test]
+#[cfg(unix)]
+fn what_a_link_leads_to_is_written_and_the_link_stays() {
+    use std::os::unix::fs::symlink;
+    let directory = tempfile::tempdir().unwrap();
+    let at = |name: &str| directory.path().join(name);
+    fs::create_dir(at("far")).unwrap();
+    fs::write(at("far/old"), "old").unwrap();
+    symlink("far/old", at("relative")).unwrap();
+    symlink(at("far/new"), at("absolute")).unwrap();
+    symlink("../relative", at("far/twice")).unwrap();
+    for (link, file) in [("relative", "far/old"), ("absolute", "far/new"), ("far/twice", "far/old")] {
+        assert_eq!(check_writable(at(link)).unwrap().canonicalize().ok(), at(file).canonicalize().ok());
+        write_file(at(link), link).unwrap();
+        assert_eq!(fs::read_to_string(at(file)).unwrap(), link);
+        assert!(fs::symlink_metadata(at(link)).unwrap().is_symlink(), "{link}");
+    }
+    assert_eq!(fs::read_dir(at("far")).unwrap().count(), 3, "no temporary file is left");
+    symlink("round", at("round")).unwrap();
+    symlink("nowhere/file", at("lost")).unwrap();
+    for (link, says) in [("round", "leads to no end"), ("lost", "there is no directory")] {
+        let message = write_file(at(link), "").unwrap_err().to_string();
+        assert!(message.contains(says), "{message}");
+    }
 }
 
 #[test]

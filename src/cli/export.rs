@@ -13,7 +13,7 @@ use neubrdf::render::Settings;
 use neubrdf::scene::Scene;
 use neubrdf::scene::brdf::{NeuBrdf, NeuBrdfPack};
 
-use super::job::check_outputs;
+use super::job::{check_ending, check_outputs};
 
 /// Write NeuBRDFs as a shader module and its data, or a scene for another renderer. What that renderer defines otherwise is an error.
 #[derive(clap::Args)]
@@ -24,8 +24,8 @@ pub struct Arguments {
     /// Write a module with the functions neubrdf_eval, neubrdf_pdf and neubrdf_sample: glsl, wgsl, hlsl or msl
     #[arg(long, value_name = "LANGUAGE", required_unless_present = "mitsuba")]
     shader: Option<Language>,
-    /// The module to write, or a directory for it (made, if its name ends in a slash); its data and their description go beside it, .bin and
-    /// .json behind the module's name
+    /// The module to write (.glsl, .wgsl, .hlsl or .metal), or a directory for it (made, if its name ends in a slash); its data and their
+    /// description go beside it, .bin and .json behind the module's name
     #[arg(
         short,
         long,
@@ -83,6 +83,7 @@ fn write_shader(arguments: &Arguments, language: Language, output: &Path) -> Res
     let exported = export(&models, language, place, &arguments.prefix)?;
 
     let module = module_path(&arguments.inputs, language, output)?;
+    check_ending(&module, &[language.extension()])?;
     // Behind the whole name: X.bin would be that of X in each language, and X.json is the report of a training.
     let [data, description] = ["bin", "json"].map(|ending| {
         let mut path = module.clone().into_os_string();

@@ -6,7 +6,7 @@ use anyhow::{Context, Result, bail};
 use neubrdf::image::tone_map::MOST_EXPOSURE;
 use neubrdf::image::{Crop, Metadata, Picture, check_writable, write_exr, write_png};
 use neubrdf::render::Settings;
-use neubrdf::scene::{Film, Scene};
+use neubrdf::scene::{Film, Scene, named_files};
 
 /// The arguments that `render` and `reference` share.
 #[derive(clap::Args)]
@@ -45,8 +45,11 @@ impl Job {
         }
         output.map_or(Ok(()), |path| check_ending(path, &["exr"]))?;
         png.map_or(Ok(()), |path| check_ending(path, &["png"]))?;
-        check_outputs([output, png, checkpoint].into_iter().flatten(), [self.scene.as_path()])?;
-        let (mut scene, warnings) = Scene::load(&self.scene)?;
+        let outputs = || [output, png, checkpoint].into_iter().flatten();
+        check_outputs(outputs(), [self.scene.as_path()])?;
+        let (mut scene, warnings, files) = Scene::load_with_files(&self.scene)?;
+        // Those, too, that only its meshes and their materials name.
+        check_outputs(outputs(), files.iter().map(PathBuf::as_path))?;
         if !self.quiet {
             for warning in &warnings {
                 note!("warning: {warning}");
@@ -103,16 +106,19 @@ pub fn check_ending(path: &Path, endings: &[&str]) -> Result<()> {
     Ok(())
 }
 
-/// Tells before hours of work what would go wrong after them: files that cannot be written, and files that would replace one another or
-/// an input.
+/// Tells before hours of work what would go wrong after them: files that cannot be written, and files that would replace one another, an
+/// input, or what that names.
 pub fn check_outputs<'a>(
     outputs: impl IntoIterator<Item = &'a Path>,
     inputs: impl IntoIterator<Item = &'a Path>,
 ) -> Result<()> {
-    let mut taken: Vec<PathBuf> = inputs.into_iter().map(place).collect();
+    let mut taken = Vec::new();
+    for input in inputs {
+        taken.push(place(input));
+        taken.extend(named_files(input).iter().map(|file| place(file)));
+    }
     for path in outputs {
-        check_writable(path).context("cannot be written")?;
-        let place = place(path);
+        let place = place(&check_writable(path).context("cannot be written")?);
         if taken.contains(&place) {
             bail!("{}: it would replace what is read, or be written twice: give it another name", path.display());
         }

@@ -22,9 +22,18 @@ use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
 
+/// What a shell is told.
+const EXIT_STATUSES: &str = "\
+Exit status:
+  0    done
+  1    an error, which standard error tells
+  2    wrong usage
+  3    done, but a threshold or a check does not hold: compare, converge, material
+  130  interrupted (Ctrl-C, SIGTERM, SIGHUP): what there was is written";
+
 /// A Vulkan path tracer for OBJ scenes whose radiance is proved against an Embree CPU reference.
 #[derive(Parser)]
-#[command(version, max_term_width = 110)]
+#[command(version, max_term_width = 110, after_help = EXIT_STATUSES)]
 struct Arguments {
     #[command(subcommand)]
     command: Command,
@@ -51,7 +60,7 @@ enum Command {
     Info(info::Arguments),
 }
 
-/// Parses, runs, and turns an error into a message on standard error and exit status 1 (2 for wrong usage).
+/// Parses, runs, and turns an error into a message on standard error and exit status 1.
 pub fn main() -> ExitCode {
     progress::keep_hangups_ignored();
     let result = match Arguments::parse().command {
@@ -66,6 +75,8 @@ pub fn main() -> ExitCode {
         Command::Info(arguments) => info::run(arguments),
     };
     match result {
+        // Though all may have been done by then: whoever asks for an end wants nothing to come after it.
+        Ok(_) if progress::is_interrupted() => ExitCode::from(progress::INTERRUPTED_STATUS),
         Ok(status) => status,
         Err(error) => {
             note!("error: {}", message(&error));

@@ -1,7 +1,7 @@
 //! What a long command shows while it runs: a bar with ETA on a terminal, nothing when it is quiet or piped.
 
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, LazyLock};
 use std::time::Duration;
 
 use indicatif::{ProgressBar, ProgressStyle};
@@ -39,16 +39,25 @@ pub fn keep_hangups_ignored() {
     }
 }
 
+/// Whether somebody asked for an end.
+static INTERRUPTED: LazyLock<Arc<AtomicBool>> = LazyLock::new(Arc::default);
+
+/// Exit status of what was interrupted, as of what Ctrl-C kills: what a shell would do next, it does not.
+pub const INTERRUPTED_STATUS: u8 = 130;
+
 /// A flag that the first Ctrl-C raises, or a request to end from elsewhere (SIGTERM, SIGHUP: a batch system, a session that is closed);
 /// a second one ends the process at once.
 pub fn interrupt_flag() -> anyhow::Result<Arc<AtomicBool>> {
-    let flag = Arc::new(AtomicBool::new(false));
-    let raised = flag.clone();
-    ctrlc::set_handler(move || {
-        if raised.swap(true, Ordering::SeqCst) {
-            std::process::exit(130);
+    ctrlc::set_handler(|| {
+        if INTERRUPTED.swap(true, Ordering::SeqCst) {
+            std::process::exit(INTERRUPTED_STATUS.into());
         }
         note!("\nfinishing, so that nothing is lost; press Ctrl-C again to stop at once");
     })?;
-    Ok(flag)
+    Ok(INTERRUPTED.clone())
+}
+
+/// Whether that flag is raised.
+pub fn is_interrupted() -> bool {
+    INTERRUPTED.load(Ordering::SeqCst)
 }

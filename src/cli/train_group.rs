@@ -57,7 +57,8 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
         let group: Vec<&Member> = group.iter().map(|member| &members[*member]).collect();
         train_group(arguments, &group, path, checkpoints[index].as_deref(), &interrupted)?;
         if interrupted.load(Ordering::SeqCst) && index + 1 < groups.len() {
-            bail!("interrupted: {} and later ones were not begun", paths[index + 1].display());
+            note!("interrupted: {} and later ones were not begun", paths[index + 1].display());
+            break;
         }
     }
     Ok(ExitCode::SUCCESS)

@@ -15,7 +15,7 @@ const HASH_BYTES: usize = 32;
 /// Writes such a file, whole or not at all; its content is `parts`, one after another.
 ///
 /// # Errors
-/// The operating system says no, or `path` is there and no regular file.
+/// The operating system says no, or `path` is there and no regular file that may be written.
 pub fn write_sealed(path: &Path, magic: &[u8; 8], header: &impl Serialize, parts: &[&[u8]]) -> Result<(), Error> {
     let io_error = |source| Error::Io { path: path.to_owned(), source };
     let header = serde_json::to_vec(header).map_err(|error| io_error(error.into()))?;

@@ -1,5 +1,7 @@
 //! What is summed over a pixel's samples, and the picture made of it.
 
+use std::collections::TryReserveError;
+
 use glam::DVec3;
 
 use crate::image::{Picture, Samples, plane};
@@ -53,6 +55,22 @@ impl PixelSums {
         let count = f64::from(self.count);
         if self.count < 2 { DVec3::ZERO } else { self.deviation / (count - 1.0) / count }
     }
+}
+
+/// What a pixel takes: its sums, and about as much of the picture that is made of them.
+pub const BYTES_A_PIXEL: u64 = 2 * size_of::<PixelSums>() as u64;
+
+/// Sums of so many pixels, none of which has a sample.
+///
+/// # Errors
+/// There is no memory for them and the picture.
+pub fn sums(pixels: usize) -> Result<Vec<PixelSums>, TryReserveError> {
+    let mut sums = Vec::new();
+    // Room for the picture is asked for here and given back: when it is made would be late.
+    sums.try_reserve_exact(2 * pixels)?;
+    sums.resize(pixels, PixelSums::default());
+    sums.shrink_to_fit();
+    Ok(sums)
 }
 
 /// Beauty, variance, sample counts, albedo and normals.

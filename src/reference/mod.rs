@@ -29,7 +29,7 @@ use rayon::prelude::*;
 
 use self::camera::View;
 pub use self::embree::{Accelerator, Hit, Ray, TraceMode};
-use self::film::{PixelSums, RayCount};
+use self::film::RayCount;
 use self::lights::Lights;
 use self::random::Random;
 use self::surface::Placement;
@@ -57,6 +57,15 @@ pub enum Error {
         crop: Crop,
         /// The film's size.
         film: [u32; 2],
+    },
+    /// There is no memory for the picture.
+    #[error(
+        "out of memory: a picture of {}×{} pixels takes {} GB; use a smaller picture (or render it in crops)",
+        size[0], size[1], u64::from(size[0]) * u64::from(size[1]) * film::BYTES_A_PIXEL / 1_000_000_000
+    )]
+    Memory {
+        /// Its size in pixels.
+        size: [u32; 2],
     },
 }
 
@@ -145,7 +154,8 @@ impl<'a> Reference<'a> {
         let start = Instant::now();
         let [closest_rays, shadow_rays, samples_done] = [const { AtomicU64::new(0) }; 3];
         let samples_asked = u64::from(crop.width) * u64::from(crop.height) * u64::from(options.spp);
-        let mut sums = vec![PixelSums::default(); crop.width as usize * crop.height as usize];
+        let sums = film::sums(crop.width as usize * crop.height as usize);
+        let mut sums = sums.map_err(|_| Error::Memory { size: [crop.width, crop.height] })?;
 
         // Passes grow, so that every pixel has a sample soon and stopping never waits long.
         let mut pass_spp = 1;

@@ -105,6 +105,16 @@ pub enum Error {
         /// What is wrong with it.
         reason: String,
     },
+    /// The checkpoint is of another scene.
+    #[error(
+        "the scene, or a file that it names, has changed since the checkpoint was made (hash {found}…, now {expected}…)"
+    )]
+    CheckpointScene {
+        /// The beginning of the hash in the checkpoint.
+        found: String,
+        /// That of this render's scene.
+        expected: String,
+    },
     /// The checkpoint is of another render.
     #[error("the checkpoint was made with {name} {found}, this render has {expected}")]
     CheckpointMismatch {

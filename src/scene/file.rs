@@ -26,7 +26,7 @@ const FOV_DEGREES: f32 = 40.0;
 /// A camera whose coordinates are rounded by more than this share of the distance that it looks over deserves a warning.
 const COARSEST_VIEW: f32 = 1e-3;
 /// Longest scene file, bytes.
-const LONGEST_FILE: u64 = 64 << 20;
+pub(super) const LONGEST_FILE: u64 = 64 << 20;
 
 impl Scene {
     /// Loads a scene file (`.toml`) or a bare OBJ file (any other name, but those of BRDFs), which is seen from outside of its bounds
@@ -36,6 +36,14 @@ impl Scene {
     /// Anything in the files that is not as docs/scenes.md says, with its place and the remedy. What was merely left
     /// out or mended comes back as warnings.
     pub fn load(path: impl AsRef<Path>) -> Result<(Scene, Vec<Warning>), Error> {
+        Scene::load_with_files(path).map(|(scene, warnings, _)| (scene, warnings))
+    }
+
+    /// The same, and the files that the scene is made of beside `path`, which nothing that is made of it should replace.
+    ///
+    /// # Errors
+    /// As of [`Scene::load`].
+    pub fn load_with_files(path: impl AsRef<Path>) -> Result<(Scene, Vec<Warning>, BTreeSet<PathBuf>), Error> {
         let path = path.as_ref();
         if brdf::ending(path) == "toml" {
             load_scene_file(path)
@@ -49,7 +57,7 @@ impl Scene {
     }
 }
 
-fn load_bare_obj(path: &Path) -> Result<(Scene, Vec<Warning>), Error> {
+fn load_bare_obj(path: &Path) -> Result<(Scene, Vec<Warning>, BTreeSet<PathBuf>), Error> {
     let mut loader = Loader::default();
     let normals = Normals::Auto { crease_degrees: obj::CREASE_DEGREES };
     let (mesh, origin) = loader.mesh(path, None, normals)?;
@@ -65,7 +73,7 @@ fn load_bare_obj(path: &Path) -> Result<(Scene, Vec<Warning>), Error> {
     loader.finish(path, None, FILM, instances, Some(Environment::constant(Vec3::ONE)), None)
 }
 
-fn load_scene_file(path: &Path) -> Result<(Scene, Vec<Warning>), Error> {
+fn load_scene_file(path: &Path) -> Result<(Scene, Vec<Warning>, BTreeSet<PathBuf>), Error> {
     let text = read_text(path, LONGEST_FILE)?;
     let source = Source { file: path, text: &text };
     let entries = source.parse()?;
@@ -110,6 +118,7 @@ impl Loader {
         }
         let loaded = obj::load(path, named_by, normals, &mut self.library);
         let (mesh, origin) = loaded.map_err(|error| error.named_by(named_by))?;
+        self.library.files.insert(path.to_owned());
         let known = (self.meshes.len() as u32, origin);
         self.meshes.push(mesh);
         self.known.insert(key, known);
@@ -124,8 +133,8 @@ impl Loader {
         instances: Vec<Instance>,
         environment: Option<Environment>,
         sun: Option<Sun>,
-    ) -> Result<(Scene, Vec<Warning>), Error> {
-        let Library { materials, textures, brdfs, mut warnings, undefined, without_uvs, .. } = self.library;
+    ) -> Result<(Scene, Vec<Warning>, BTreeSet<PathBuf>), Error> {
+        let Library { materials, textures, brdfs, mut warnings, files, undefined, without_uvs, .. } = self.library;
         warnings.extend(undefined.into_iter().map(|(index, file)| Warning {
             place: Place::file(file),
             message: format!("the material `{}` is not defined: grey and diffuse", materials[index as usize].name),
@@ -159,7 +168,7 @@ impl Loader {
             let message = "nothing emits light: the picture will be black".to_owned();
             warnings.push(Warning { place: Place::file(path), message });
         }
-        Ok((scene, warnings))
+        Ok((scene, warnings, files))
     }
 }
 
@@ -727,7 +736,9 @@ fn environment(table: &Table, loader: &mut Loader) -> Result<Environment, Error>
         (Some(name), None) => {
             let warnings = &mut loader.library.warnings;
             let (path, place) = (beside(&name.place(), name.string()?, warnings), name.place());
-            decode::environment(&path, &place, scale, warnings).map_err(|error| error.named_by(Some(&place)))?
+            let sky = decode::environment(&path, &place, scale, warnings);
+            loader.library.files.insert(path);
+            sky.map_err(|error| error.named_by(Some(&place)))?
         }
         (None, Some(radiance)) => Environment::constant(radiance.color(0.0, BRIGHTEST)? * scale),
         _ => return Err(table.error("not just one of `file` and `radiance`", "exactly one of them")),

@@ -46,6 +46,7 @@ pub use light::{EmissiveTriangle, Environment, LightTable, Sun, luminance};
 pub use light_tree::{LightNode, LightTree, Receiver};
 pub use material::{Color, Fresnel, Material, Opacity, Patches, Surface};
 pub use mesh::{Bounds, Instance, Mesh};
+pub use named_file::named_files;
 pub use surface_maps::SurfaceMaps;
 pub use texture::{Texture, TexturePlacement};
 pub use woven::{Woven, Yarn};

@@ -24,6 +24,8 @@ pub(super) struct Library {
     /// The file and the name that each of them was read by.
     brdf_files: Vec<(PathBuf, Option<String>)>,
     pub warnings: Vec<Warning>,
+    /// Every file that was read or will be: of the scene's meshes, materials, textures, BRDFs and its sky.
+    pub files: BTreeSet<PathBuf>,
     /// Materials that an OBJ file names and no MTL file defines: index, and the OBJ file.
     pub undefined: Vec<(u32, PathBuf)>,
     /// Materials of faces without texture coordinates: index, and the OBJ file.
@@ -110,6 +112,7 @@ impl Library {
             }
             Err(error) => return Err(error),
         };
+        self.files.insert(path.to_owned());
         let mut lines = HashMap::new();
         let mut named = false;
         let check = |line: usize, statement: &str, out: &mut String| {
@@ -179,6 +182,7 @@ impl Library {
         let is_it = |known: &TextureFile| known.path == path && known.holds == holds && known.placement == placement;
         let index = self.textures.iter().position(is_it);
         index.unwrap_or_else(|| {
+            self.files.insert(path.clone());
             self.textures.push(TextureFile { path, holds, placement, named_by: named_by.clone() });
             self.textures.len() - 1
         }) as u32
@@ -192,6 +196,7 @@ impl Library {
         }
         let brdf = Brdf::load_for(&key.0, name, Some(named_by)).map_err(|error| error.named_by(Some(named_by)))?;
         self.brdfs.push(Arc::new(brdf));
+        self.files.insert(key.0.clone());
         self.brdf_files.push(key);
         Ok(self.brdfs.len() as u32 - 1)
     }
@@ -199,6 +204,8 @@ impl Library {
     /// What an MTL material amounts to; docs/scenes.md has the table. And where a map says that it is a metal, that map and the metal.
     fn interpret(&mut self, Definition { place, material }: &Definition) -> (Material, Option<(u32, Material)>) {
         let place = &Place { field: Some(format!("material `{}`", material.name)), ..place.clone() };
+        let named = material;
+        let material = &self.without_missing_maps(place, named);
         let specular = self.reflectance(place, "Ks", material.specular.unwrap_or_default());
         let mut albedo = Color::constant(Vec3::ONE);
         if let Some(name) = &material.diffuse_texture {
@@ -227,7 +234,7 @@ impl Library {
         let metalness = material.unknown_param.get("map_Pm");
         let metallic = metallic.filter(|_| metalness.is_none()).unwrap_or(0.0);
         let no_base = albedo.value == Vec3::ZERO;
-        let surface = if self.is_glass(place, material, illumination) {
+        let surface = if self.is_glass(place, named, illumination) {
             let ior = self.index(place, material.optical_density.unwrap_or(1.5));
             Surface::Dielectric { ior, alpha: roughness.map_or(0.0, |roughness| roughness * roughness) }
         } else if metallic >= 0.5 {
@@ -278,11 +285,38 @@ impl Library {
         (whole, metal)
     }
 
+    /// A material without the maps whose files are not there, as of a model that came without them; what else it says counts.
+    fn without_missing_maps(&mut self, place: &Place, material: &tobj::Material) -> tobj::Material {
+        let mut material = material.clone();
+        // Exporters write black where a texture stands instead of a colour.
+        let is_black = material.diffuse == Some([0.0; 3]);
+        let of_color = if is_black { ", and 0.5 taken for the `Kd 0` beside it" } else { ", and `Kd` counts alone" };
+        let mut is_missing = |statement: &str, name: &str| {
+            let file = file_of_map(place, name, &mut Vec::new());
+            let is_missing = matches!(file.try_exists(), Ok(false));
+            if is_missing {
+                let instead = if statement == "map_Kd" { of_color } else { "" };
+                self.warn(place.clone(), format!("there is no {}: `{statement}` is ignored{instead}", file.display()));
+            }
+            is_missing
+        };
+        if material.diffuse_texture.take_if(|name| is_missing("map_Kd", name)).is_some() && is_black {
+            material.diffuse = None;
+        }
+        material.dissolve_texture.take_if(|name| is_missing("map_d", name));
+        material.normal_texture.take_if(|name| is_missing("bump", name));
+        for statement in ["map_Ke", "norm", "map_Pr", "map_Pm"] {
+            if material.unknown_param.get(statement).is_some_and(|name| is_missing(statement, name)) {
+                material.unknown_param.remove(statement);
+            }
+        }
+        material
+    }
+
     /// The number of the texture that a statement names, placed as its options say.
     fn map(&mut self, place: &Place, material: &tobj::Material, statement: &str, name: &str, holds: Holds) -> u32 {
         let placed = material.unknown_param.get(&placed(statement)).and_then(|text| placement_of(text));
-        let whole = there(place, name, &mut self.warnings);
-        let path = whole.unwrap_or_else(|| beside(place, uncommented(name), &mut self.warnings));
+        let path = file_of_map(place, name, &mut self.warnings);
         self.texture(path, holds, placed.unwrap_or_default(), place)
     }
 
@@ -347,6 +381,11 @@ impl Library {
         self.warn(place.clone(), format!("a coat of Ni {ior} would reflect nothing: taken as 1.5"));
         1.5
     }
+}
+
+/// The file that a statement names, which a comment may follow.
+fn file_of_map(place: &Place, name: &str, warnings: &mut Vec<Warning>) -> PathBuf {
+    there(place, name, warnings).unwrap_or_else(|| beside(place, uncommented(name), warnings))
 }
 
 /// The metal of a matte or coated material's colour; none of others, and of those that emit.

@@ -3,10 +3,40 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
+use toml::de::DeValue;
+
+use super::brdf;
 use super::error::{Place, Warning, quote};
+use super::file::LONGEST_FILE;
+use super::table::{Source, read_text};
 
 /// Most folders and files in a name that is looked for in other cases, as each may take the listing of a folder.
 const MOST_PARTS: usize = 32;
+
+/// The files that a TOML file names, a scene's or a material's, without a look into them: wherever a text in it is the name of a file. None of
+/// another kind of file, or of one that cannot be read.
+pub fn named_files(path: impl AsRef<Path>) -> Vec<PathBuf> {
+    let path = path.as_ref();
+    let mut files = Vec::new();
+    let text =
+        if brdf::ending(path) == "toml" { read_text(path, LONGEST_FILE).unwrap_or_default() } else { String::new() };
+    if let Ok(table) = (Source { file: path, text: &text }).parse() {
+        let mut named = |name: &str| files.push(beside(&Place::file(path), name, &mut Vec::new()));
+        table.get_ref().values().for_each(|value| each_text(value.get_ref(), &mut named));
+    }
+    files.retain(|file| file.is_file());
+    files
+}
+
+/// Hands on the texts in a value.
+fn each_text(value: &DeValue, hand_on: &mut impl FnMut(&str)) {
+    match value {
+        DeValue::String(text) => hand_on(text),
+        DeValue::Array(values) => values.iter().for_each(|value| each_text(value.get_ref(), hand_on)),
+        DeValue::Table(table) => table.values().for_each(|value| each_text(value.get_ref(), hand_on)),
+        _ => {}
+    }
+}
 
 /// The file that is where a name in a file says, to which it is relative. Unless there is one of that very name, quotes are dropped,
 /// backslashes part folders, and letters may be in another case, of which a warning tells.

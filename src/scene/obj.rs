@@ -138,7 +138,11 @@ impl Census {
                     normals += usize::from(has_normal);
                 }
                 if corners < 3 {
-                    return Err(Fault::new(format!("a face of {corners} corners"), "at least 3"));
+                    self.warn_once(
+                        line,
+                        format!("a face of {corners} corners has no area: it and its like are left out"),
+                    );
+                    return Ok(());
                 }
                 // All faces of a group must have what one of them has.
                 let attributes = Some([uvs, normals].map(|count| Share::of(count, corners)));

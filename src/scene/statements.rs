@@ -86,6 +86,11 @@ impl<'a, R: BufRead, F: FnMut(usize, &str, &mut String) -> Result<(), Fault>> St
                 self.raw.drain(..BYTE_ORDER_MARK.len());
             }
             let end = self.raw.trim_ascii_end().len();
+            // Such a file is one line, which often is a comment.
+            if self.line == 1 && self.raw[..end].contains(&b'\r') {
+                let found = "lines that end in CR alone, as on early Macintoshes";
+                return Err(Error::unexpected(Place::line(self.file, 1), found, "lines that end in LF or CR LF"));
+            }
             self.raw.truncate(end.max(start));
             let comment = self.raw.trim_ascii_start().first() == Some(&b'#');
             match self.raw.last_mut() {

@@ -189,3 +189,22 @@ fn the_hash_follows_the_content_and_not_the_names() {
     let with_holes = |opacity: f32| hash(ROOF, "a.obj", &format!("{file}[material.default]\nopacity = {opacity:?}\n"));
     assert!(with_holes(1.0) == original && with_holes(0.5) != original && with_holes(0.25) != with_holes(0.5));
 }
+
+/// What a scene is made of, wherever it is named; and what a file names, without a look into that.
+#[test]
+fn the_files_of_a_scene_are_known() {
+    let text =
+        "[[mesh]]\nfile = 'a.obj'\n[material.m]\ntexture = { file = 'T.png' }\n[environment]\nfile = 'sky.exr'\n";
+    let obj = TRIANGLE.replace("usemtl", "vt 0 0\nusemtl").replace("1 2 3", "1/1 2/1 3/1");
+    let mtl = "newmtl m\nmap_d holes.png\nmap_Kd t.png\nbump none.png\n";
+    let folder = Folder::new(&[("a.obj", &obj), ("a.mtl", mtl), ("s.toml", text)]);
+    ["t.png", "holes.png"].iter().for_each(|name| image::RgbImage::new(1, 1).save(folder.path(name)).unwrap());
+    exr::prelude::write_rgb_file(folder.path("sky.exr"), 2, 1, |_, _| (1.0f32, 1.0f32, 1.0f32)).unwrap();
+    let (_, _, files) = Scene::load_with_files(folder.path("s.toml")).unwrap();
+    let expected = ["a.mtl", "a.obj", "holes.png", "sky.exr", "t.png"].map(|name| folder.path(name));
+    assert_eq!(files.into_iter().collect::<Vec<_>>(), expected);
+    let mut named = named_files(folder.path("s.toml"));
+    named.sort();
+    assert_eq!(named, ["a.obj", "sky.exr", "t.png"].map(|name| folder.path(name)));
+    assert!(named_files(folder.path("a.obj")).is_empty() && named_files(folder.path("none.toml")).is_empty());
+}

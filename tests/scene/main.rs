@@ -14,7 +14,7 @@ use glam::{Affine3A, Mat3, Vec2, Vec3};
 use half::f16;
 use neubrdf::scene::{
     Camera, Color, Environment, Error, Film, Fresnel, Lens, LightTable, Material, Mesh, Opacity, Patches, Receiver,
-    Scene, Surface, TexturePlacement, Warning,
+    Scene, Surface, TexturePlacement, Warning, named_files,
 };
 
 /// A folder of input files that goes away with the value.

@@ -62,6 +62,33 @@ fn what_exporters_write_is_taken_as_meant() {
     }
 }
 
+/// Models come without their textures; what else their materials say is there to be seen.
+#[test]
+fn a_missing_texture_of_an_mtl_is_a_warning() {
+    let grey = |value| Surface::Diffuse { albedo: Color::constant(Vec3::splat(value)) };
+    for (text, surface, says) in [
+        ("Kd .25\nmap_Kd none.png\n", grey(0.25), "none.png: `map_Kd` is ignored, and `Kd` counts alone"),
+        ("map_Kd -s 2 2 none.png # red\n", grey(0.5), "none.png: `map_Kd` is ignored"),
+        ("Kd 0\nmap_Kd none.png\n", grey(0.5), "and 0.5 taken for the `Kd 0`"),
+        ("map_d none.png\n", grey(0.5), "`map_d` is ignored"),
+        ("Ke 0\nmap_Ke none.png\n", grey(0.5), "`map_Ke` is ignored"),
+        ("bump none.png\n", grey(0.5), "`bump` is ignored"),
+        ("norm none.png\n", grey(0.5), "`norm` is ignored"),
+        ("map_Pm none.png\n", grey(0.5), "`map_Pm` is ignored"),
+    ] {
+        let (material, warnings) = mtl(text);
+        assert_eq!(material, Material::new("m", surface), "{text}");
+        assert!(warnings.len() == 1 && warnings[0].contains(says), "{text}: {warnings:?}");
+        assert!(warnings[0].contains("a.mtl:1: material `m`: there is no "), "{text}: {warnings:?}");
+    }
+    // Leaves do not become glass for want of their texture.
+    let (material, _) = mtl("illum 9\nmap_Kd none.png\n");
+    assert_eq!(material.surface, grey(0.5));
+    // Whoever wrote the scene file has the files that it names.
+    let error = toml_error("[[mesh]]\nfile = 'a.obj'\n[material.m]\ntexture = 'none.png'\n");
+    assert!(error.contains("none.png: cannot be read"), "{error}");
+}
+
 #[test]
 fn unsupported_mtl_statements_warn_once_each() {
     let (_, warnings) = mtl("map_Ks a.png\nmap_Ns b.png\nmap_Ns c.png\nKd 2\nPm .7\nnewmtl n\nmap_Ks x.png\n");
@@ -123,7 +150,6 @@ fn mtl_errors_name_file_and_line() {
         ("map_Kd -clamp\n", vec!["`map_Kd`", "no file"]),
         ("v 0 0 0\n", vec!["a statement of an OBJ file"]),
         ("\u{1}\n", vec!["an MTL statement"]),
-        ("map_Kd absent.png\n", vec!["absent.png: cannot be read", "named by", "a.mtl:1", "`m`"]),
     ] {
         let files = [("a.obj", TRIANGLE), ("a.mtl", &format!("newmtl m\n{text}"))];
         let error = Folder::new(&files).load("a.obj").map(|_| ()).unwrap_err().to_string();

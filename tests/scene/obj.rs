@@ -166,6 +166,14 @@ fn an_obj_file_may_name_several_mtl_files() {
 }
 
 #[test]
+fn faces_of_two_corners_are_left_out_with_one_warning() {
+    let (scene, warnings) = obj("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2\nf 1 2 3\nf 2 3\n");
+    assert_eq!(scene.meshes[0].triangles.len(), 1);
+    assert_eq!(warnings.len(), 1, "{warnings:?}");
+    assert!(warnings[0].to_string().contains("a.obj:4: a face of 2 corners has no area"), "{}", warnings[0]);
+}
+
+#[test]
 fn degenerate_triangles_are_dropped_with_one_warning() {
     let (scene, warnings) = obj("v 0 0 0\nv 1 0 0\nv 0 1 0\nv 9 9 9\nf 1 2 3\nf 1 1 2\nf 4 4 4\n");
     assert_eq!(scene.meshes[0].triangles.len(), 1);
@@ -188,7 +196,9 @@ fn obj_errors_name_file_line_and_index() {
         ("v 0 0 0\nf 1//2 1//2 1//2\n", vec!["index 2 of a normal"]),
         ("v 0 0 0\nf a 1 1\n", vec!["`a` in the corner `a`", "whole number"]),
         ("v 0 0 0\nf 1////1 1 1\n", vec!["`1////1`"]),
-        ("v 0 0 0\nf 1 1\n", vec!["a face of 2 corners"]),
+        ("v 0 0 0\nf 1 1\n", vec!["a.obj: found no triangle"]),
+        ("v 0 0 0\rv 1 0 0\rv 0 1 0\rf 1 2 3\r", vec!["a.obj:1", "lines that end in CR alone", "LF or CR LF"]),
+        ("# Made on a Macintosh\rv 0 0 0\r", vec!["a.obj:1", "lines that end in CR alone"]),
         ("v 0 0 0\nff 1 1 1\n", vec!["a.obj:2", "the statement `ff`"]),
         ("v 0 0 0\n", vec!["a.obj: found no triangle"]),
         ("usemtl\n", vec!["a.obj:1", "no name"]),

@@ -34,7 +34,6 @@ pub enum ExportError {
 /// Writes a scene into `directory`, to be traced to paths of `max_depth` segments; returns the XML file. Instances are written each by itself,
 /// in world space.
 pub fn export_mitsuba(scene: &Scene, max_depth: u32, directory: &Path) -> Result<PathBuf, ExportError> {
-    std::fs::create_dir_all(directory).map_err(|source| ExportError::Io { path: directory.to_owned(), source })?;
     let mut xml = String::from("<?xml version=\"1.0\"?>\n<scene version=\"3.0.0\">\n");
     let _ = writeln!(
         xml,
@@ -47,6 +46,8 @@ pub fn export_mitsuba(scene: &Scene, max_depth: u32, directory: &Path) -> Result
             xml.push_str(&bsdf(material, index)?);
         }
     }
+    // Not before it is clear that there is something to write.
+    std::fs::create_dir_all(directory).map_err(|source| ExportError::Io { path: directory.to_owned(), source })?;
     for (index, instance) in scene.instances.iter().enumerate() {
         let mesh = &scene.meshes[instance.mesh as usize];
         for material in materials_of(mesh) {
