@@ -5,7 +5,7 @@ use std::path::Path;
 use anyhow::{Context, Result, bail};
 use glam::DVec3;
 use neubrdf::material::{Bsdf, Evaluate, LayeredWalk, Prepared, TexelSamples, VaryingSurface, color};
-use neubrdf::scene::brdf::{Brdf, Sparse, SurfaceGrid, SurfaceSamples};
+use neubrdf::scene::brdf::{Brdf, Sparse, SurfaceGrid, SurfaceSamples, ending};
 use neubrdf::scene::{Btf, Scene, Surface, SurfaceMaps};
 use neubrdf::train::{GroundTruth, Pair, btf_pairs, sample_pairs};
 
@@ -55,8 +55,8 @@ impl BrdfInput {
             let (pairs, preview) = btf_pairs(&btf, grid, drawing.pairs, drawing.seed)?;
             return measured(Box::new(preview), pairs, grid);
         }
-        let ending = path.extension().and_then(|ending| ending.to_str());
-        if ending == Some("csv")
+        let ending = ending(path);
+        if ending == "csv"
             && let Some(surface) = surface_samples(path, name)?
         {
             let side = (surface.samples.len() as f64 / SAMPLES_A_TEXEL as f64).sqrt() as u32;
@@ -64,8 +64,8 @@ impl BrdfInput {
             let pairs = sample_pairs(&surface, grid, drawing.seed);
             return measured(Box::new(TexelSamples::new(&surface, grid)), pairs, grid);
         }
-        match ending {
-            Some("toml") => match maps(path, name)? {
+        match ending.as_str() {
+            "toml" => match maps(path, name)? {
                 Some(maps) => {
                     let surface = VaryingSurface::new(maps);
                     let largest = surface.size().into_iter().fold(MOST_TEXELS, u32::max);
