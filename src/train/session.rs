@@ -197,6 +197,7 @@ impl Session {
             for loss in self.trainer.train(self.plan.batch, &rates) {
                 self.note_loss(loss);
             }
+            self.finish_in_time();
         }
         self.seconds += started.elapsed().as_secs_f64();
     }
@@ -212,6 +213,13 @@ impl Session {
     pub(super) fn prune_in_time(&mut self) {
         if self.trainer.step == self.step_at(PRUNE_AT) {
             self.prune();
+        }
+    }
+
+    /// Gives points the codes that they end with, if no step is left.
+    pub(super) fn finish_in_time(&mut self) {
+        if self.is_done() {
+            self.trainer.tables.iter_mut().for_each(Table::finish);
         }
     }
 
