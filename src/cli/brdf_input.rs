@@ -97,7 +97,7 @@ impl BrdfInput {
     pub fn ground_truth<'a>(&'a self, eval: &'a (dyn Fn(DVec3, DVec3) -> DVec3 + Sync)) -> GroundTruth<'a> {
         let is_isotropic = self.brdf.is_isotropic();
         match &self.samples {
-            Some(pairs) => GroundTruth::Samples { pairs: pairs.clone(), is_isotropic },
+            Some(pairs) => GroundTruth::Samples { pairs, is_isotropic },
             None if self.brdf.is_spatial() => GroundTruth::Surface { brdf: self.brdf.as_ref() },
             None => GroundTruth::Function { eval, is_isotropic },
         }

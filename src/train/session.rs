@@ -110,8 +110,11 @@ impl Session {
             GroundTruth::Samples { .. } => rounds(&pairs, plan.seed),
             // Shards take whole blocks.
             _ => {
-                let count = pairs.len().max(plan.batch).next_multiple_of(plan.batch);
-                pairs.iter().copied().cycle().take(count).collect()
+                let mut pairs = pairs.into_owned();
+                let drawn = pairs.len();
+                let count = drawn.max(plan.batch).next_multiple_of(plan.batch);
+                (drawn..count).for_each(|place| pairs.push(pairs[place - drawn]));
+                pairs
             }
         };
         let pairs_hash = pairs_hash(&pairs, is_isotropic);

@@ -181,7 +181,7 @@ fn a_checkpoint_of_something_else_is_an_error() {
     let pair = Pair { wo: glam::Vec3::Z, wi: glam::Vec3::Z, value: glam::Vec3::ONE, ..Pair::default() };
     let [turned, moved] = [Pair { wo: glam::Vec3::new(0.6, 0.0, 0.8), ..pair }, Pair { uv: glam::Vec2::X, ..pair }];
     let session = |pair| {
-        let truth = GroundTruth::Samples { pairs: vec![pair], is_isotropic: true };
+        let truth = GroundTruth::Samples { pairs: &[pair], is_isotropic: true };
         Session::new(small(Recipe::Default), &truth).unwrap()
     };
     let samples = directory.path().join("samples");
@@ -257,7 +257,7 @@ fn few_samples_are_enough_for_a_simple_material() {
         })
         .collect();
     let plan = Plan { steps: 600, ..small(Recipe::Default).for_samples(pairs.len()) };
-    let mut session = Session::new(plan, &GroundTruth::Samples { pairs, is_isotropic: true }).unwrap();
+    let mut session = Session::new(plan, &GroundTruth::Samples { pairs: &pairs, is_isotropic: true }).unwrap();
     let evaluator = Evaluator::neubrdf(&NeuBrdf::decode(&finish(&mut session)).unwrap());
     let eval = |pairs: &[[DVec3; 2]]| evaluator.eval(pairs);
     let albedo = directional_albedo(DVec3::new(0.6, 0.0, 0.8), 2048, &eval);
@@ -281,7 +281,7 @@ fn what_no_sample_looked_at_sends_no_more_light_than_it_gets() {
     let brightest = |energy: Option<f32>| {
         let plan = Plan { steps: 1500, ..small(Recipe::Default).for_samples(pairs.len()) };
         let plan = Plan { energy: energy.unwrap_or(plan.energy), sees_half_vector: false, ..plan };
-        let truth = GroundTruth::Samples { pairs: pairs.clone(), is_isotropic: true };
+        let truth = GroundTruth::Samples { pairs: &pairs, is_isotropic: true };
         let brdf = NeuBrdf::decode(&finish(&mut Session::new(plan, &truth).unwrap())).unwrap();
         let evaluator = Evaluator::neubrdf(&brdf);
         let albedo = |theta| directional_albedo(direction(theta, 0.0), 2048, &|pairs| evaluator.eval(pairs));
@@ -382,17 +382,17 @@ fn what_cannot_be_trained_is_an_error() {
         let eval = |wo: DVec3, _: DVec3| DVec3::new(0.1, if wo.z < 0.5 { value.into() } else { 0.1 }, 0.1);
         let pairs =
             vec![Pair { wo: glam::Vec3::Z, wi: glam::Vec3::Z, value: glam::Vec3::splat(value), ..Pair::default() }];
-        for truth in [isotropic(&eval), GroundTruth::Samples { pairs, is_isotropic: true }] {
+        for truth in [isotropic(&eval), GroundTruth::Samples { pairs: &pairs, is_isotropic: true }] {
             let error = Session::new(small(Recipe::Default), &truth).map(|_| ()).unwrap_err().to_string();
             assert!(error.contains("ωo [") && error.contains(&value.to_string()), "{error}");
         }
     }
     for wo in [glam::Vec3::NEG_Z, glam::Vec3::ZERO, glam::Vec3::NAN] {
         let pairs = vec![Pair { wo, wi: glam::Vec3::Z, value: glam::Vec3::ONE, ..Pair::default() }];
-        let truth = GroundTruth::Samples { pairs, is_isotropic: true };
+        let truth = GroundTruth::Samples { pairs: &pairs, is_isotropic: true };
         let error = Session::new(small(Recipe::Default), &truth).map(|_| ()).unwrap_err().to_string();
         assert!(error.contains(&format!("ωo {wo}")), "{error}");
     }
-    let nothing = GroundTruth::Samples { pairs: Vec::new(), is_isotropic: true };
+    let nothing = GroundTruth::Samples { pairs: &[], is_isotropic: true };
     assert!(Session::new(small(Recipe::Default), &nothing).is_err());
 }
