@@ -38,7 +38,7 @@ pub struct Arguments {
 }
 
 /// Of measurements over a texture nothing is learned here.
-const DRAWING: Drawing = Drawing { texels: None, pairs: 1, seed: 0 };
+const DRAWING: Drawing = Drawing { texels: None, pairs: 1, hold_out: 0.0, seed: 0 };
 
 /// The check failed.
 const WRONG: u8 = 3;

@@ -12,7 +12,7 @@ use neubrdf::material::{Bsdf, Evaluate, Prepared};
 use neubrdf::scene::brdf::{Brdf, NeuBrdf, Precision, SurfaceFrame};
 use neubrdf::scene::{Color, Fresnel, Surface};
 use neubrdf::train::check::check;
-use neubrdf::train::measure::{FitErrors, compare, directional_albedo};
+use neubrdf::train::measure::{FitErrors, Query, compare, directional_albedo, sample_errors};
 use neubrdf::train::{Evaluator, GroundTruth, Model, Pair, Plan, Quality, Recipe, Session};
 
 /// A rough metal over a matte base, isotropic.
@@ -321,6 +321,28 @@ fn a_trained_nbrdf_is_read_back_as_what_was_trained() {
         let (read, trained) = (brdf.eval(wo, wi), session.evaluator().eval(&[[wo, wi]])[0]);
         assert!((read - trained).abs().max_element() < 1e-4 * (1.0 + trained.max_element()), "{read} {trained}");
     }
+}
+
+/// Measurements are what a fit to them is away from, and nothing else.
+#[test]
+fn residuals_are_those_at_measurements() {
+    let at = |i: usize| DVec3::new(0.01 * i as f64, 0.3, 0.8).normalize();
+    let value = |wo: DVec3, wi: DVec3| DVec3::splat(1.0 + wo.x * wi.z);
+    let pair = |(wo, wi): (DVec3, DVec3)| Pair {
+        wo: wo.as_vec3(),
+        wi: wi.as_vec3(),
+        value: value(wo, wi).as_vec3(),
+        ..Pair::default()
+    };
+    let samples: Vec<Pair> = (0..60).map(|i| pair((at(i), at(70 - i)))).collect();
+    let errors = |factor: f64| {
+        let fit = |queries: &[Query]| -> Vec<DVec3> {
+            queries.iter().map(|query| factor * (value(query.wo, query.wi) + 1.0) - 1.0).collect()
+        };
+        sample_errors(samples.iter(), &fit)
+    };
+    assert!(errors(1.0).log < 1e-6 && errors(1.0).relative_rmse < 1e-6);
+    assert!((errors(1.1).log - 1.1f64.ln()).abs() < 1e-6);
 }
 
 /// What is off by next to nothing is not off by many times what is there.
