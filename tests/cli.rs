@@ -433,6 +433,23 @@ fn a_material_is_trained_described_drawn_and_checked() {
     }
 }
 
+/// A material is no way from itself, and some way from another and from measurements.
+#[test]
+fn a_material_is_compared_with_another() {
+    let directory = tempfile::tempdir().unwrap();
+    let material = |name: &str| format!("{}/scenes/materials/{name}", env!("CARGO_MANIFEST_DIR"));
+    let (gold, red, fit) = (material("gold_satin.toml"), material("plastic_red.toml"), material("gold_satin.neubrdf"));
+    let against = |a: &str, b: &str| {
+        let facts = succeed(&["material", a, "--against", b, "--json"]);
+        serde_json::from_str::<serde_json::Value>(&facts).unwrap()["against"].clone()
+    };
+    let ssim = |facts: serde_json::Value| facts["ball"]["ssim"].as_f64().unwrap();
+    assert!(ssim(against(&gold, &gold)) > 1.0 - 1e-9 && ssim(against(&fit, &gold)) > 0.99);
+    assert!(ssim(against(&red, &gold)) < 0.9);
+    let samples = against(&gold, text(&matte_samples(directory.path())));
+    assert!(samples["measurements"] == 150 && samples["log"].as_f64().unwrap() > 0.01, "{samples}");
+}
+
 /// What a file is hangs on its ending, and not on how that is written.
 #[test]
 fn endings_may_be_in_capitals() {
