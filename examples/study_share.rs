@@ -123,7 +123,7 @@ fn outcome(arguments: &Arguments, members: &[&Truth]) -> Result<Option<Outcome>>
     kept(&path, || {
         let session = |truth: &&Truth| {
             let pairs = truth.pairs(plan.pairs, plan.seed);
-            Ok(Session::new(plan.clone(), &GroundTruth::Samples { pairs, is_isotropic: true })?)
+            Ok(Session::new(plan.clone(), &GroundTruth::Samples { pairs: &pairs, is_isotropic: true })?)
         };
         let mut sessions = members.iter().map(session).collect::<Result<Vec<_>>>()?;
         let watch = Stopwatch::own();

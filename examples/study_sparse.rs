@@ -117,11 +117,11 @@ fn compared(arguments: &Arguments, truth: &Truth, kind: &Kind) -> Result<Outcome
         value: sample.value,
         ..Pair::default()
     };
-    let pairs = samples.iter().map(pair).flat_map(|pair| [pair, pair.reciprocal()]).collect();
+    let pairs: Vec<Pair> = samples.iter().map(pair).flat_map(|pair| [pair, pair.reciprocal()]).collect();
     let plan = Plan::new(Model::NeuBrdf, Recipe::Default, arguments.quality, truth.is_isotropic);
     let plan = plan.for_samples(samples.len());
     let n_side = plan.n_side[0];
-    let mut session = Session::new(plan, &GroundTruth::Samples { pairs, is_isotropic: truth.is_isotropic })?;
+    let mut session = Session::new(plan, &GroundTruth::Samples { pairs: &pairs, is_isotropic: truth.is_isotropic })?;
     let started = Instant::now();
     session.run(u32::MAX);
     let train_seconds = started.elapsed().as_secs_f64();

@@ -474,14 +474,21 @@ fn a_material_is_trained_described_drawn_and_checked() {
         arguments.extend(more);
         succeed(&arguments)
     };
-    assert!(train(&[]).contains("SSIM"));
+    let said = train(&[]);
+    assert!(said.contains("measurements that were held out") && !said.contains("SSIM"), "{said}");
     let first = std::fs::read(&file).unwrap();
     let report: serde_json::Value =
         serde_json::from_slice(&std::fs::read(directory.path().join("matte.json")).unwrap()).unwrap();
     assert_eq!(report["steps"], 200);
     assert_eq!(report["bytes"], first.len());
     let page = std::fs::read_to_string(directory.path().join("matte.html")).unwrap();
-    assert_eq!(page.matches("data:image/png;base64,").count(), 3);
+    // Between measurements there is no truth to be away from.
+    assert_eq!(page.matches("data:image/png;base64,").count(), 2);
+    assert!(page.contains("interpolated measurements") && !page.contains("ground truth"));
+    let [learned, held_out] =
+        ["learned", "held_out"].map(|which| report["residuals"][which]["measurements"].as_u64().unwrap());
+    assert!((1..40).contains(&held_out) && learned + held_out == 150, "{learned} and {held_out}");
+    assert!(report["errors"].is_null());
     assert!(page.contains("<svg") && !page.contains("http://localhost") && !page.contains("src=\"/"));
 
     assert_eq!(train(&["--no-report", "--quiet"]), "");
@@ -491,6 +498,7 @@ fn a_material_is_trained_described_drawn_and_checked() {
     let facts = succeed(&["material", text(&file), "--json", "--plot", text(&plot), "--check", "--max-albedo", "1e9"]);
     let facts: serde_json::Value = serde_json::from_str(&facts).unwrap();
     assert_eq!(facts["is_isotropic"], true);
+    assert_eq!(facts["neubrdf"]["provenance"]["errors"]["held-out measurements"], held_out as f64);
     assert_eq!(facts["check"]["negative"], 0);
     assert!(std::fs::read_to_string(&plot).unwrap().contains("polyline"));
     let output = neubrdf(&["material", text(&file), "--check", "--max-albedo", "1e-9"]);
@@ -499,6 +507,38 @@ fn a_material_is_trained_described_drawn_and_checked() {
     for most in ["nan", "inf", "-1"] {
         let option = format!("--max-albedo={most}");
         assert!(fail(&["material", text(&file), "--check", &option]).contains("a number of at least 0"), "{option}");
+    }
+}
+
+/// A material is no way from itself, and some way from another and from measurements.
+#[test]
+fn a_material_is_compared_with_another() {
+    let directory = tempfile::tempdir().unwrap();
+    let material = |name: &str| format!("{}/scenes/materials/{name}", env!("CARGO_MANIFEST_DIR"));
+    let (gold, red, fit) = (material("gold_satin.toml"), material("plastic_red.toml"), material("gold_satin.neubrdf"));
+    let against = |a: &str, b: &str| {
+        let facts = succeed(&["material", a, "--against", b, "--json"]);
+        serde_json::from_str::<serde_json::Value>(&facts).unwrap()["against"].clone()
+    };
+    let ssim = |facts: serde_json::Value| facts["ball"]["ssim"].as_f64().unwrap();
+    assert!(ssim(against(&gold, &gold)) > 1.0 - 1e-9 && ssim(against(&fit, &gold)) > 0.99);
+    assert!(ssim(against(&red, &gold)) < 0.9);
+    let samples = against(&gold, text(&matte_samples(directory.path())));
+    assert!(samples["measurements"] == 150 && samples["log"].as_f64().unwrap() > 0.01, "{samples}");
+}
+
+/// What a file is hangs on its ending, and not on how that is written.
+#[test]
+fn endings_may_be_in_capitals() {
+    let directory = tempfile::tempdir().unwrap();
+    let samples = std::fs::rename(matte_samples(directory.path()), directory.path().join("M.CSV"));
+    let gold = concat!(env!("CARGO_MANIFEST_DIR"), "/scenes/materials/gold_satin.toml");
+    let copied = std::fs::copy(gold, directory.path().join("G.TOML"));
+    assert!(samples.is_ok() && copied.is_ok());
+    std::fs::write(directory.path().join("U.CSV"), "u,v,wi_theta,wi_phi,wo_theta,wo_phi,r,g,b\n0,0,0,0,0,0,1,1,1\n")
+        .unwrap();
+    for name in ["M.CSV", "U.CSV", "G.TOML"] {
+        succeed(&["material", text(&directory.path().join(name))]);
     }
 }
 

@@ -54,7 +54,7 @@ pub struct Trained {
 pub fn train(truth: &Truth, plan: Plan) -> Result<Trained> {
     let pairs = truth.pairs(plan.pairs, plan.seed);
     let is_isotropic = truth.is_isotropic;
-    let mut session = Session::new(plan, &GroundTruth::Samples { pairs, is_isotropic })?;
+    let mut session = Session::new(plan, &GroundTruth::Samples { pairs: &pairs, is_isotropic })?;
     let training = Stopwatch::own();
     session.run(u32::MAX);
     let training = training.stop();

@@ -54,7 +54,7 @@ impl Truth {
         let eval = |wo: DVec3, wi: DVec3| (self.learned)(wo, wi);
         let truth = GroundTruth::Function { eval: &eval, is_isotropic: self.is_isotropic };
         let mut pairs = self.pairs.lock().unwrap_or_else(PoisonError::into_inner);
-        pairs.entry((count, seed)).or_insert_with(|| truth.pairs(count, seed, None)).clone()
+        pairs.entry((count, seed)).or_insert_with(|| truth.pairs(count, seed, None).into_owned()).clone()
     }
 
     /// The values that a fit is compared with, at each (ωo, ωi).

@@ -5,9 +5,10 @@ use std::path::Path;
 use anyhow::{Context, Result, bail};
 use glam::DVec3;
 use neubrdf::material::{Bsdf, Evaluate, LayeredWalk, Prepared, TexelSamples, VaryingSurface, color};
-use neubrdf::scene::brdf::{Brdf, Sparse, SurfaceGrid, SurfaceSamples};
+use neubrdf::scene::brdf::{Brdf, Sparse, SurfaceGrid, SurfaceSamples, ending};
 use neubrdf::scene::{Btf, Scene, Surface, SurfaceMaps};
-use neubrdf::train::{GroundTruth, Pair, btf_pairs, sample_pairs};
+use neubrdf::train::measure::{EvalAt, Residuals, SampleErrors, sample_errors};
+use neubrdf::train::{GroundTruth, Pair, btf_pairs, hold_out, sample_pairs};
 
 /// A BRDF, whatever defines it.
 pub struct BrdfInput {
@@ -15,10 +16,16 @@ pub struct BrdfInput {
     pub name: String,
     /// Its values.
     pub brdf: Box<dyn Evaluate>,
-    /// What there is to learn, where it is known by measurements alone: two pairs of each sample, or what was drawn from a stack of images.
-    samples: Option<Vec<Pair>>,
+    /// What there is to learn, where it is known by measurements alone.
+    samples: Option<Samples>,
     /// Texels across and down, where it varies over a texture.
     pub texels: Option<[u32; 2]>,
+}
+
+/// Measurements: two pairs of each sample, or what was drawn from a stack of images.
+struct Samples {
+    learned: Vec<Pair>,
+    held_out: Vec<Pair>,
 }
 
 /// Texels to a side that maps and samples are learned with, at most, unless the user says otherwise.
@@ -35,7 +42,9 @@ pub struct Drawing {
     pub texels: Option<[u32; 2]>,
     /// How many pairs are drawn from a stack of images.
     pub pairs: usize,
-    /// Picks them.
+    /// Share of the measurements that are not learned.
+    pub hold_out: f64,
+    /// Picks them all.
     pub seed: u64,
 }
 
@@ -46,8 +55,12 @@ impl BrdfInput {
         let stem = path.file_stem().map(|stem| stem.to_string_lossy().into_owned()).unwrap_or_default();
         let label = name.map_or(stem.clone(), |name| format!("{stem}: {name}"));
         let known = |brdf| Ok(BrdfInput { name: label.clone(), brdf, samples: None, texels: None });
+        let samples = |mut learned: Vec<Pair>| {
+            let held_out = hold_out(&mut learned, drawing.hold_out, drawing.seed);
+            Some(Samples { learned, held_out })
+        };
         let measured = |brdf, pairs, grid: SurfaceGrid| {
-            Ok(BrdfInput { name: label.clone(), brdf, samples: Some(pairs), texels: Some(grid.size(0)) })
+            Ok(BrdfInput { name: label.clone(), brdf, samples: samples(pairs), texels: Some(grid.size(0)) })
         };
         if path.is_dir() {
             let btf = Btf::open(path)?;
@@ -55,8 +68,8 @@ impl BrdfInput {
             let (pairs, preview) = btf_pairs(&btf, grid, drawing.pairs, drawing.seed)?;
             return measured(Box::new(preview), pairs, grid);
         }
-        let ending = path.extension().and_then(|ending| ending.to_str());
-        if ending == Some("csv")
+        let ending = ending(path);
+        if ending == "csv"
             && let Some(surface) = surface_samples(path, name)?
         {
             let side = (surface.samples.len() as f64 / SAMPLES_A_TEXEL as f64).sqrt() as u32;
@@ -64,8 +77,8 @@ impl BrdfInput {
             let pairs = sample_pairs(&surface, grid, drawing.seed);
             return measured(Box::new(TexelSamples::new(&surface, grid)), pairs, grid);
         }
-        match ending {
-            Some("toml") => match maps(path, name)? {
+        match ending.as_str() {
+            "toml" => match maps(path, name)? {
                 Some(maps) => {
                     let surface = VaryingSurface::new(maps);
                     let largest = surface.size().into_iter().fold(MOST_TEXELS, u32::max);
@@ -76,7 +89,7 @@ impl BrdfInput {
             },
             _ => match Brdf::load(path, name)? {
                 Brdf::Sparse(sparse) => {
-                    let samples = Some(pairs(&sparse));
+                    let samples = samples(pairs(&sparse));
                     Ok(BrdfInput { name: label, brdf: Box::new(Brdf::Sparse(sparse)), samples, texels: None })
                 }
                 brdf => {
@@ -90,14 +103,26 @@ impl BrdfInput {
 
     /// How many measurements it is known by, of a stack half of what was drawn; `None` where it is known everywhere.
     pub fn sample_count(&self) -> Option<usize> {
-        self.samples.as_ref().map(|pairs| pairs.len() / 2)
+        self.samples.as_ref().map(|samples| (samples.learned.len() + samples.held_out.len()) / 2)
+    }
+
+    /// How far a fit is from the measurements, at points of a texture; `None` where it is known everywhere.
+    pub fn residuals(&self, fit: EvalAt) -> Option<Residuals> {
+        let Samples { learned, held_out } = self.samples.as_ref()?;
+        // A footprint's value is one of those that its average is made of.
+        let point = self.texels.map_or(0.0, |[width, height]| (1.0 / f64::from(width * height)) as f32);
+        let at = |pairs: &[Pair]| SampleErrors {
+            measurements: pairs.len() / 2,
+            errors: sample_errors(pairs.iter().filter(|pair| pair.area <= point), fit),
+        };
+        Some(Residuals { learned: at(learned), held_out: (!held_out.is_empty()).then(|| at(held_out)) })
     }
 
     /// Hands it to what wants to learn it; `eval` is its values.
     pub fn ground_truth<'a>(&'a self, eval: &'a (dyn Fn(DVec3, DVec3) -> DVec3 + Sync)) -> GroundTruth<'a> {
         let is_isotropic = self.brdf.is_isotropic();
         match &self.samples {
-            Some(pairs) => GroundTruth::Samples { pairs: pairs.clone(), is_isotropic },
+            Some(Samples { learned, .. }) => GroundTruth::Samples { pairs: learned, is_isotropic },
             None if self.brdf.is_spatial() => GroundTruth::Surface { brdf: self.brdf.as_ref() },
             None => GroundTruth::Function { eval, is_isotropic },
         }
@@ -144,7 +169,8 @@ struct SceneMaterial {
     walk: Option<LayeredWalk>,
 }
 
-/// Walks that a value of a layered surface is the mean of.
+/// Walks that a value of a layered surface is the mean of. A ball of them takes longest, but shows the noise of fewer: the blue paint's fit has an SSIM
+/// of 0.993 with 32, 0.978 with 8 and 0.929 with 2.
 const WALKS: u32 = 32;
 
 impl Evaluate for SceneMaterial {

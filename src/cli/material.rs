@@ -9,11 +9,12 @@ use neubrdf::image::write_file;
 use neubrdf::scene::brdf::{Brdf, Footprint, NeuBrdf, NeuBrdfPack, SurfaceFrame};
 use neubrdf::train::check::{Check, check};
 use neubrdf::train::measure::{self, Query};
-use neubrdf::train::{Evaluator, plot};
+use neubrdf::train::{Evaluator, Judged, plot};
 use rayon::prelude::*;
 
 use super::brdf_input::{BrdfInput, Drawing};
 use super::job::{check_ending, check_outputs, threshold};
+use super::judge::judge;
 
 /// Say what a BRDF is. Exit status 3 if --check finds it wrong.
 #[derive(clap::Args)]
@@ -26,6 +27,12 @@ pub struct Arguments {
     /// Draw lobes in the plane of incidence
     #[arg(long, value_name = "SVG")]
     plot: Option<PathBuf>,
+    /// Say how far it is from another, which may be anything that INPUT may: the errors of a training's report
+    #[arg(long, value_name = "TRUTH")]
+    against: Option<PathBuf>,
+    /// The material, where TRUTH holds several
+    #[arg(long, value_name = "NAME", requires = "against")]
+    against_name: Option<String>,
     /// Look for negative or non-finite values and an albedo above --max-albedo, and report the reciprocity error
     #[arg(long)]
     check: bool,
@@ -38,7 +45,7 @@ pub struct Arguments {
 }
 
 /// Of measurements over a texture nothing is learned here.
-const DRAWING: Drawing = Drawing { texels: None, pairs: 1, seed: 0 };
+const DRAWING: Drawing = Drawing { texels: None, pairs: 1, hold_out: 0.0, seed: 0 };
 
 /// The check failed.
 const WRONG: u8 = 3;
@@ -57,7 +64,8 @@ pub fn run(arguments: Arguments) -> Result<ExitCode> {
     }
     let is_pack = arguments.input.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("neubrdf"));
     let pack = is_pack.then(|| NeuBrdfPack::load(&arguments.input)).transpose()?;
-    let asks_for_one = arguments.name.is_some() || arguments.check || arguments.plot.is_some();
+    let Arguments { name, plot, against, .. } = &arguments;
+    let asks_for_one = name.is_some() || arguments.check || plot.is_some() || against.is_some();
     if let Some(pack) = pack.as_ref().filter(|pack| pack.materials.len() > 1 && !asks_for_one) {
         print(&arguments, &describe_pack(pack, &arguments.input)?)?;
         return Ok(ExitCode::SUCCESS);
@@ -72,13 +80,12 @@ pub fn run(arguments: Arguments) -> Result<ExitCode> {
     let model = pack.map(|_| NeuBrdf::load(&arguments.input, arguments.name.as_deref())).transpose()?;
     // What is asked a million times is evaluated on all lanes, where that is possible.
     let fast = model.as_ref().map(Evaluator::neubrdf);
-    let eval = |footprint: Footprint, pairs: &[[DVec3; 2]]| -> Vec<DVec3> {
-        match &fast {
-            Some(fast) => {
-                fast.eval_at(&pairs.iter().map(|[wo, wi]| Query { footprint, wo: *wo, wi: *wi }).collect::<Vec<_>>())
-            }
-            None => pairs.par_iter().map(|[wo, wi]| input.brdf.eval_at(footprint, *wo, *wi)).collect(),
-        }
+    let eval_at = |queries: &[Query]| -> Vec<DVec3> {
+        let value = |Query { footprint, wo, wi }: &Query| input.brdf.eval_at(*footprint, *wo, *wi);
+        fast.as_ref().map_or_else(|| queries.par_iter().map(value).collect(), |fast| fast.eval_at(queries))
+    };
+    let eval = |footprint: Footprint, pairs: &[[DVec3; 2]]| {
+        eval_at(&pairs.iter().map(|[wo, wi]| Query { footprint, wo: *wo, wi: *wi }).collect::<Vec<_>>())
     };
     let is_isotropic = input.brdf.is_isotropic();
     let mut facts = serde_json::json!({"name": input.name, "is_isotropic": is_isotropic});
@@ -94,6 +101,14 @@ pub fn run(arguments: Arguments) -> Result<ExitCode> {
         };
         (0..places).map(measure::place).map(check_at).fold(check_at(Footprint::WHOLE), Check::merge)
     });
+    if let Some(path) = &arguments.against {
+        let truth = BrdfInput::load(path, arguments.against_name.as_deref(), DRAWING)?;
+        facts["against"] = match judge(&truth, &eval_at, false).judged {
+            Judged::Errors(errors) => serde_json::json!(errors),
+            // All of them, as nobody knows which of them it was made of.
+            Judged::Residuals(residuals) => serde_json::json!(residuals.learned),
+        };
+    }
     facts["check"] = serde_json::json!(checked);
     print(&arguments, &facts)?;
     if let Some(path) = &arguments.plot {
@@ -175,6 +190,8 @@ fn print_facts(path: &str, facts: &serde_json::Value) -> Result<()> {
             Ok(())
         }
         serde_json::Value::Null => Ok(()),
+        // Curves and tables.
+        serde_json::Value::Array(_) if path.starts_with("against.") => Ok(()),
         value => tell!("{path:<44} {value}"),
     }
 }

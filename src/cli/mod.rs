@@ -9,6 +9,7 @@ mod converge;
 mod export;
 mod info;
 mod job;
+mod judge;
 mod material;
 mod progress;
 #[cfg(feature = "embree")]

@@ -9,14 +9,14 @@ use clap::ValueEnum;
 use glam::DVec3;
 use neubrdf::image::write_file;
 use neubrdf::scene::brdf::{CornerWeights, NeuBrdf, Precision};
-use neubrdf::train::measure::{Comparison, FitErrors, Query, compare_at};
 use neubrdf::train::{
-    Evaluator, Model, Plan, Quality, Recipe, RecipeResult, Report, Session, SurfacePlan, saved_steps,
+    Evaluator, Judged, Model, Plan, Quality, Recipe, RecipeResult, Report, Session, SurfacePlan, saved_steps,
 };
 use rayon::prelude::*;
 
 use super::brdf_input::{BrdfInput, Drawing};
 use super::job::{self, check_ending};
+use super::judge::{Judgement, judge};
 use super::train_loop::{finish, train};
 use super::{progress, train_group};
 
@@ -57,6 +57,9 @@ pub struct Arguments {
     /// Picks the random numbers; the same seed gives the same file
     #[arg(long, default_value_t = 0)]
     pub(super) seed: u64,
+    /// Share of measurements that is not learned, for the report to judge by; 0: all are learned
+    #[arg(long, value_name = "SHARE", default_value_t = 0.1, value_parser = share)]
+    pub(super) hold_out: f64,
     /// Steps instead of the quality's
     #[arg(long)]
     pub(super) steps: Option<u32>,
@@ -112,9 +115,6 @@ pub struct Arguments {
     pub(super) quiet: bool,
 }
 
-/// Pixels to a side of the report's balls.
-pub(super) const BALL: usize = 160;
-
 /// Loads, trains, measures, writes.
 pub fn run(arguments: Arguments) -> Result<ExitCode> {
     let expected = match arguments.model {
@@ -162,32 +162,27 @@ pub fn run(arguments: Arguments) -> Result<ExitCode> {
     let seconds = session.seconds();
 
     let precision = if arguments.f32 { Precision::F32 } else { Precision::F16 };
-    let measure = |evaluator: &Evaluator, size: usize| -> Comparison {
-        let at = |query: &Query| input.brdf.eval_at(query.footprint, query.wo, query.wi);
-        let truth = |queries: &[Query]| queries.par_iter().map(at).collect();
-        compare_at(size, is_isotropic, &|queries| evaluator.eval_at(queries), &truth)
-    };
     let finished = |session: &Session| finish(session, &input.ground_truth(&eval), arguments.quiet);
-    let (bytes, evaluator, comparison) = match finished(&session) {
+    let (bytes, evaluator, Judgement { judged, balls }) = match finished(&session) {
         Some(mut brdf) => {
             // What is measured is what the file says, rounded numbers and all.
             let evaluator = Evaluator::neubrdf(&NeuBrdf::decode(&brdf.encode(precision)?)?);
-            let comparison = measure(&evaluator, BALL);
-            brdf.provenance = provenance(&input, &session, &comparison.errors);
-            (brdf.encode(precision)?, evaluator, comparison)
+            let judgement = judge(&input, &|queries| evaluator.eval_at(queries), !arguments.no_report);
+            brdf.provenance = provenance(&input, &session, &judgement.judged);
+            (brdf.encode(precision)?, evaluator, judgement)
         }
         None => {
             let network = session.nbrdf().context("the model is of no kind that can be written")?;
             let evaluator = session.evaluator();
-            let comparison = measure(&evaluator, BALL);
-            (network.to_safetensors(name.unwrap_or("material")), evaluator, comparison)
+            let judgement = judge(&input, &|queries| evaluator.eval_at(queries), !arguments.no_report);
+            (network.to_safetensors(name.unwrap_or("material")), evaluator, judgement)
         }
     };
     write_file(&arguments.output, &bytes)?;
     let mut recipes = Vec::new();
     if arguments.compare_recipes {
-        let errors = comparison.errors.clone();
-        recipes.push(RecipeResult { recipe: arguments.recipe, bytes: bytes.len(), seconds, errors });
+        let judged = judged.clone();
+        recipes.push(RecipeResult { recipe: arguments.recipe, bytes: bytes.len(), seconds, judged });
         let is_interrupted = || interrupted.load(Ordering::SeqCst);
         for plan in others.into_iter().take_while(|_| !is_interrupted()) {
             let recipe = plan.recipe;
@@ -197,8 +192,9 @@ pub fn run(arguments: Arguments) -> Result<ExitCode> {
                 break;
             }
             let file = finished(&session).context("a recipe trains NeuBRDFs")?.encode(precision)?;
-            let errors = measure(&Evaluator::neubrdf(&NeuBrdf::decode(&file)?), BALL).errors;
-            recipes.push(RecipeResult { recipe, bytes: file.len(), seconds: session.seconds(), errors });
+            let evaluator = Evaluator::neubrdf(&NeuBrdf::decode(&file)?);
+            let judged = judge(&input, &|queries| evaluator.eval_at(queries), false).judged;
+            recipes.push(RecipeResult { recipe, bytes: file.len(), seconds: session.seconds(), judged });
         }
         if is_interrupted() {
             // What was broken off compares with nothing.
@@ -212,27 +208,23 @@ pub fn run(arguments: Arguments) -> Result<ExitCode> {
         loss: session.loss(),
         seconds,
         bytes: bytes.len(),
-        errors: comparison.errors.clone(),
+        judged,
         recipes,
     };
-    if !arguments.no_report {
+    if let Some(balls) = balls.filter(|_| !arguments.no_report) {
         report.write_json(&arguments.output.with_extension("json"))?;
         let fit = |pairs: &[[DVec3; 2]]| evaluator.eval(pairs);
         let page = arguments.output.with_extension("html");
-        report.write_html(&page, &comparison, session.gain(), &fit, &|pairs| truth(&input, pairs))?;
+        report.write_html(&page, &balls, session.gain(), &fit, &|pairs| truth(&input, pairs))?;
     }
     if !arguments.quiet {
-        let FitErrors { pairs, ball, worst_albedo, .. } = &report.errors;
         let interrupted = if session.steps() < session.plan.steps { "interrupted: " } else { "" };
         tell!(
-            "{interrupted}{}: {} bytes, {} steps in {seconds:.1} s; ball SSIM {:.4}, FLIP {:.4}; mean |Δ ln(1+f)| {:.5}, worst albedo {:.2} %",
+            "{interrupted}{}: {} bytes, {} steps in {seconds:.1} s; {}",
             arguments.output.display(),
             report.bytes,
             report.steps,
-            ball.ssim,
-            ball.flip,
-            pairs.log,
-            100.0 * worst_albedo
+            report.judged.summary()
         )?;
     }
     Ok(ExitCode::SUCCESS)
@@ -288,6 +280,11 @@ fn corner_weights(word: &str) -> Result<CornerWeights, String> {
     }
 }
 
+fn share(word: &str) -> Result<f64, String> {
+    let share = word.parse().ok().filter(|share| (0.0..=0.5).contains(share));
+    share.ok_or_else(|| format!("'{word}' is no such share: expected a number from 0 to 0.5"))
+}
+
 fn texels(text: &str) -> Result<[u32; 2], String> {
     let (width, height) = text.split_once('x').unwrap_or((text, text));
     match (width.parse(), height.parse()) {
@@ -298,8 +295,8 @@ fn texels(text: &str) -> Result<[u32; 2], String> {
 
 /// How measurements over a texture are made pairs.
 pub(super) fn drawing(arguments: &Arguments) -> Drawing {
-    let Arguments { texels, model, recipe, quality, seed, .. } = *arguments;
-    Drawing { texels, pairs: Plan::new(model, recipe, quality, false).pairs, seed }
+    let Arguments { texels, model, recipe, quality, hold_out, seed, .. } = *arguments;
+    Drawing { texels, pairs: Plan::new(model, recipe, quality, false).pairs, hold_out, seed }
 }
 
 /// What a recipe does, in as many steps as are asked for, for measurements if there are but so many.
@@ -347,11 +344,12 @@ pub(super) fn plan(arguments: &Arguments, input: &BrdfInput, is_isotropic: bool)
     }
 }
 
+/// What the input is drawn as, beside a fit.
 pub(super) fn truth(input: &BrdfInput, pairs: &[[DVec3; 2]]) -> Vec<DVec3> {
     pairs.par_iter().map(|[wo, wi]| input.brdf.eval(*wo, *wi)).collect()
 }
 
-pub(super) fn provenance(input: &BrdfInput, session: &Session, errors: &FitErrors) -> neubrdf::scene::brdf::Provenance {
+pub(super) fn provenance(input: &BrdfInput, session: &Session, judged: &Judged) -> neubrdf::scene::brdf::Provenance {
     let plan = &session.plan;
     let training = [
         ("recipe", format!("{:?}", plan.recipe).to_lowercase()),
@@ -360,16 +358,9 @@ pub(super) fn provenance(input: &BrdfInput, session: &Session, errors: &FitError
         ("seed", plan.seed.to_string()),
         ("version", env!("CARGO_PKG_VERSION").to_owned()),
     ];
-    let errors = [
-        ("ball SSIM", errors.ball.ssim),
-        ("ball FLIP", errors.ball.flip),
-        ("mean |Δ ln(1+f)|", errors.pairs.log),
-        ("relative RMSE of f cos", errors.pairs.relative_rmse),
-        ("worst relative albedo error", errors.worst_albedo),
-    ];
     neubrdf::scene::brdf::Provenance {
         source: input.name.clone(),
         training: training.map(|(name, value)| (name.to_owned(), value)).into(),
-        errors: errors.map(|(name, value)| (name.to_owned(), value)).into(),
+        errors: judged.figures().into_iter().map(|figure| (figure.name.to_owned(), figure.value)).collect(),
     }
 }

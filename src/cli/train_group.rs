@@ -9,12 +9,12 @@ use anyhow::{Context, Result, bail};
 use glam::DVec3;
 use neubrdf::image::write_file;
 use neubrdf::scene::brdf::{Brdf, NeuBrdf, NeuBrdfPack, Precision};
-use neubrdf::train::measure::{Comparison, compare};
 use neubrdf::train::{Evaluator, Group, GroupReport, Model, Plan, Recipe, Report, Session, cluster};
 
 use super::brdf_input::BrdfInput;
+use super::judge::{Judgement, judge};
 use super::progress;
-use super::train::{Arguments, BALL, check_outputs, drawing, plan, provenance, texel_options, truth};
+use super::train::{Arguments, check_outputs, drawing, plan, provenance, texel_options, truth};
 use super::train_loop::train;
 
 /// A material to learn, and its name in the pack.
@@ -165,36 +165,33 @@ fn train_group(
     let pack = NeuBrdfPack { materials: members.iter().zip(group.neubrdfs()).map(named).collect() };
     let mut pack = NeuBrdfPack::decode(&pack.encode(precision)?)?;
     let evaluators: Vec<Evaluator> = pack.materials.iter().map(|(_, brdf)| Evaluator::neubrdf(brdf)).collect();
-    let compared: Vec<Comparison> = members
-        .iter()
-        .zip(&evaluators)
-        .map(|(Member { input, .. }, fit)| {
-            compare(BALL, input.brdf.is_isotropic(), &|pairs| fit.eval(pairs), &|pairs| truth(input, pairs))
-        })
-        .collect();
-    for (((_, brdf), session), (member, comparison)) in
-        pack.materials.iter_mut().zip(group.members()).zip(members.iter().zip(&compared))
+    let judge = |(member, fit): (&&Member, &Evaluator)| {
+        judge(&member.input, &|queries| fit.eval_at(queries), !arguments.no_report)
+    };
+    let judged: Vec<Judgement> = members.iter().zip(&evaluators).map(judge).collect();
+    for (((_, brdf), session), (member, judgement)) in
+        pack.materials.iter_mut().zip(group.members()).zip(members.iter().zip(&judged))
     {
-        brdf.provenance = provenance(&member.input, session, &comparison.errors);
+        brdf.provenance = provenance(&member.input, session, &judgement.judged);
         brdf.provenance.training.insert("materials that share a codebook".into(), members.len().to_string());
     }
     let bytes = pack.encode(precision)?;
     write_file(output, &bytes)?;
-    let report = |(session, (member, comparison)): (&Session, (&&Member, &Comparison))| Report {
+    let report = |(session, (member, judgement)): (&Session, (&&Member, &Judgement))| Report {
         source: member.input.name.clone(),
         plan: session.plan.clone(),
         steps: session.steps(),
         loss: session.loss(),
         seconds,
         bytes: bytes.len().div_ceil(members.len()),
-        errors: comparison.errors.clone(),
+        judged: judgement.judged.clone(),
         recipes: Vec::new(),
     };
     let report = GroupReport {
         shares_network: group.shares_network(),
         seconds,
         bytes: bytes.len(),
-        members: group.members().iter().zip(members.iter().zip(&compared)).map(report).collect(),
+        members: group.members().iter().zip(members.iter().zip(&judged)).map(report).collect(),
     };
     if !arguments.no_report {
         report.write_json(&output.with_extension("json"))?;
@@ -202,7 +199,8 @@ fn train_group(
             let fit = |pairs: &[[DVec3; 2]]| evaluators[index].eval(pairs);
             let gain = group.members()[index].gain();
             let truth = |pairs: &[[DVec3; 2]]| truth(&members[index].input, pairs);
-            Ok(report.members[index].section(&compared[index], gain, &fit, &truth)?)
+            let balls = judged[index].balls.as_ref().context("a report shows balls")?;
+            Ok(report.members[index].section(balls, gain, &fit, &truth)?)
         };
         report.write_html(
             &output.with_extension("html"),
@@ -210,15 +208,15 @@ fn train_group(
         )?;
     }
     if !arguments.quiet {
+        let means: Vec<String> = report.means().iter().map(|figure| format!("{} {figure}", figure.name)).collect();
         let interrupted = if group.steps() < group.members()[0].plan.steps { "interrupted: " } else { "" };
         tell!(
-            "{interrupted}{}: {} materials, {} bytes, {} steps in {seconds:.1} s; mean |Δ ln(1+f)| {:.5}, mean ball SSIM {:.4}",
+            "{interrupted}{}: {} materials, {} bytes, {} steps in {seconds:.1} s; on average {}",
             output.display(),
             members.len(),
             bytes.len(),
             group.steps(),
-            report.mean(|errors| errors.pairs.log),
-            report.mean(|errors| errors.ball.ssim),
+            means.join(", "),
         )?;
     }
     Ok(())

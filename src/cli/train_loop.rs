@@ -13,8 +13,8 @@ use super::progress;
 /// Seconds between two checkpoints.
 const CHECKPOINT_INTERVAL: f64 = 30.0;
 
-/// Steps between two looks at the clock and the interrupt.
-const STRIDE: u32 = 16;
+/// Seconds between two looks at the clock and the interrupt, about.
+const STRIDE: f64 = 0.1;
 
 /// What can be trained.
 pub trait Training {
@@ -75,8 +75,12 @@ pub fn train(
     let bar = progress::bar(training.planned().into(), is_quiet);
     let mut last_checkpoint = Instant::now();
     let mut is_winding_down = false;
+    // How long a step takes hangs on what is trained: a texture or a group takes a hundred times as long as a material.
+    let mut stride = 1;
     while !training.is_done() {
-        training.run(STRIDE);
+        let started = Instant::now();
+        training.run(stride);
+        stride = if started.elapsed().as_secs_f64() < STRIDE { 2 * stride } else { (stride / 2).max(1) };
         bar.set_position(training.steps().into());
         bar.set_message(format!("loss {:.5}", training.loss()));
         if is_winding_down {

@@ -22,19 +22,22 @@ impl TexelSamples {
         for (uv, sample) in &surface.samples {
             texels[texel(uv.as_dvec2(), size)].push(*sample);
         }
-        let sparse = |samples: Vec<SparseSample>| Sparse::new(evenly(samples), surface.is_isotropic);
+        let sparse = |samples: Vec<SparseSample>| Sparse::new(samples, surface.is_isotropic);
+        let all = evenly(&surface.samples).map(|(_, sample)| *sample).collect();
         TexelSamples {
             size,
-            all: sparse(surface.samples.iter().map(|(_, sample)| *sample).collect()),
-            texels: texels.into_iter().map(|samples| (!samples.is_empty()).then(|| sparse(samples))).collect(),
+            all: sparse(all),
+            texels: texels
+                .into_iter()
+                .map(|samples| (!samples.is_empty()).then(|| sparse(evenly(&samples).copied().collect())))
+                .collect(),
         }
     }
 }
 
 /// As many as [`Sparse`] may have.
-fn evenly(samples: Vec<SparseSample>) -> Vec<SparseSample> {
-    let step = samples.len().div_ceil(Sparse::MOST_SAMPLES);
-    samples.into_iter().step_by(step.max(1)).collect()
+fn evenly<T>(samples: &[T]) -> impl Iterator<Item = &T> {
+    samples.iter().step_by(samples.len().div_ceil(Sparse::MOST_SAMPLES).max(1))
 }
 
 /// The texel that a place is in.

@@ -95,6 +95,7 @@ impl Group {
             while self.steps() < end && !self.is_done() {
                 self.step();
             }
+            self.members.iter_mut().for_each(Session::finish_in_time);
         });
         self.members[0].seconds += started.elapsed().as_secs_f64();
     }

@@ -6,9 +6,8 @@ use std::path::Path;
 use serde::Serialize;
 use serde_json::json;
 
-use super::measure::FitErrors;
-use super::report::STYLE;
-use super::{Error, Report};
+use super::report::{STYLE, means, table_of_figures};
+use super::{Error, Figure, Report};
 use crate::image::escaped;
 use crate::image::write_file;
 
@@ -26,9 +25,9 @@ pub struct GroupReport {
 }
 
 impl GroupReport {
-    /// The mean of an error over the members.
-    pub fn mean(&self, error: impl Fn(&FitErrors) -> f64) -> f64 {
-        self.members.iter().map(|member| error(&member.errors)).sum::<f64>() / self.members.len() as f64
+    /// The means of the members' figures.
+    pub fn means(&self) -> Vec<Figure> {
+        means(&self.members.iter().flat_map(|member| member.judged.figures()).collect::<Vec<_>>())
     }
 
     /// Writes the JSON.
@@ -53,25 +52,10 @@ impl GroupReport {
         let network = if self.shares_network { "one network for all" } else { "a network each" };
         let mut page = format!("{STYLE}<title>{title}</title><h1>{title}</h1>\n");
         let _ = writeln!(page, "<p>{network}; {} bytes; training {:.1} s.</p>", self.bytes, self.seconds);
-        page.push_str(
-            "<table><tr><th>material</th><th>SSIM</th><th>ꟻLIP</th><th>mean |Δ ln(1 + f)|</th><th>relative RMSE</th><th>worst albedo</th></tr>\n",
-        );
-        let mut row = |name: &str, of: &dyn Fn(fn(&FitErrors) -> f64) -> f64| {
-            let _ = writeln!(
-                page,
-                "<tr><td>{name}</td><td>{:.4}</td><td>{:.4}</td><td>{:.5}</td><td>{:.4}</td><td>{:.2} %</td></tr>",
-                of(|errors| errors.ball.ssim),
-                of(|errors| errors.ball.flip),
-                of(|errors| errors.pairs.log),
-                of(|errors| errors.pairs.relative_rmse),
-                of(|errors| 100.0 * errors.worst_albedo)
-            );
-        };
-        for member in &self.members {
-            row(&escaped(&member.source), &|error| error(&member.errors));
-        }
-        row("<b>mean</b>", &|error| self.mean(error));
-        page.push_str("</table>\n");
+        let mut rows: Vec<(String, Vec<Figure>)> =
+            self.members.iter().map(|member| (escaped(&member.source), member.judged.figures())).collect();
+        rows.push(("<b>mean</b>".to_owned(), self.means()));
+        page.push_str(&table_of_figures("material", &rows));
         for (member, section) in self.members.iter().zip(sections) {
             let _ = writeln!(page, "<details><summary>{}</summary>\n{section}</details>", escaped(&member.source));
         }

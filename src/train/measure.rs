@@ -7,7 +7,7 @@ use glam::{DVec2, DVec3};
 use serde::Serialize;
 
 use super::ball::Ball;
-use super::pairs::{direction, draw, mirrored};
+use super::pairs::{Pair, direction, draw, mirrored};
 use super::random::Random;
 pub use crate::material::Query;
 use crate::scene::brdf::Footprint;
@@ -63,6 +63,25 @@ pub struct PairErrors {
     pub log_by_half_angle: Vec<[f64; 2]>,
     /// [θo in degrees, mean of |Δ ln(1 + f)|].
     pub log_by_view_angle: Vec<[f64; 2]>,
+}
+
+/// How far a fit is from the measurements that it was made of, and from those that it was not: what is known where no ground truth is.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Residuals {
+    /// At those that were learned.
+    pub learned: SampleErrors,
+    /// At others, of which the training knew nothing; `None` if there are none.
+    pub held_out: Option<SampleErrors>,
+}
+
+/// Errors at measurements.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct SampleErrors {
+    /// How many these are.
+    pub measurements: usize,
+    /// The errors; of very many, over some evenly among them.
+    #[serde(flatten)]
+    pub errors: PairErrors,
 }
 
 /// Differences of two balls as they are shown, see [`Ball`].
@@ -157,9 +176,28 @@ pub fn pair_errors_at(count: usize, seed: u64, fit: EvalAt, truth: EvalAt) -> Pa
     let mut random = Random::new(seed, 0);
     let pairs = (0..count).map(|index| (place(index), draw(&mut random)));
     let pairs: Vec<Query> = pairs.map(|(footprint, (wo, wi))| Query { footprint, wo, wi }).collect();
+    errors_between(&pairs, fit(&pairs), truth(&pairs))
+}
+
+/// Compares with values that were measured.
+pub fn sample_errors<'p>(samples: impl Iterator<Item = &'p Pair>, fit: EvalAt) -> PairErrors {
+    let samples: Vec<&Pair> = samples.collect();
+    let some = || samples.iter().step_by(samples.len().div_ceil(PAIRS).max(1));
+    let query = |pair: &&Pair| Query {
+        footprint: Footprint { uv: pair.uv.as_dvec2(), area: pair.area.into() },
+        wo: pair.wo.as_dvec3(),
+        wi: pair.wi.as_dvec3(),
+    };
+    let queries: Vec<Query> = some().map(query).collect();
+    errors_between(&queries, fit(&queries), some().map(|pair| pair.value.as_dvec3()).collect())
+}
+
+/// Errors of values from others at the same places and directions.
+fn errors_between(pairs: &[Query], fit: Vec<DVec3>, truth: Vec<DVec3>) -> PairErrors {
+    let count = pairs.len();
     let (mut log, mut square, mut norm) = (0.0, 0.0, 0.0);
     let mut bins = [[[0.0; 2]; BINS]; 2];
-    for ((fit, truth), Query { wo, wi, .. }) in fit(&pairs).into_iter().zip(truth(&pairs)).zip(&pairs) {
+    for ((fit, truth), Query { wo, wi, .. }) in fit.into_iter().zip(truth).zip(pairs) {
         let here = (0..3).map(|channel| (fit[channel].ln_1p() - truth[channel].ln_1p()).abs()).sum::<f64>() / 3.0;
         log += here / count as f64;
         square += ((fit - truth) * wi.z).length_squared();

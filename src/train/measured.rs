@@ -48,8 +48,5 @@ pub fn btf_pairs(btf: &Btf, grid: SurfaceGrid, count: usize, seed: u64) -> Resul
     };
     let (pairs, images): (Vec<_>, Vec<_>) =
         (0..btf.len()).into_par_iter().map(read).collect::<Result<Vec<_>, Error>>()?.into_iter().unzip();
-    // Pairs of an image stand together; shards take blocks of neighbours, which should not all be of one image.
-    let pairs: Vec<Pair> = pairs.concat();
-    let order = Random::new(seed, u64::MAX).permutation(pairs.len());
-    Ok((order.into_iter().map(|index| pairs[index as usize]).collect(), BtfPreview { images }))
+    Ok((pairs.concat(), BtfPreview { images }))
 }

@@ -15,6 +15,7 @@ mod evaluator;
 mod gather;
 mod group;
 mod group_report;
+mod held_out;
 pub mod measure;
 mod measured;
 mod network;
@@ -41,10 +42,11 @@ pub use checkpoint::saved_steps;
 pub use evaluator::Evaluator;
 pub use group::Group;
 pub use group_report::GroupReport;
+pub use held_out::hold_out;
 pub use measured::{btf_pairs, sample_pairs};
 pub use pairs::{GroundTruth, Pair};
 pub use plan::{Model, Plan, Quality, Recipe, SurfacePlan};
-pub use report::{RecipeResult, Report};
+pub use report::{Figure, Judged, RecipeResult, Report};
 pub use session::Session;
 
 /// Why a training cannot be done.

@@ -1,5 +1,6 @@
 //! What there is to learn: pairs of directions and the BRDF's value there.
 
+use std::borrow::Cow;
 use std::f64::consts::{FRAC_PI_2, TAU};
 
 use bytemuck::{Pod, Zeroable};
@@ -27,7 +28,7 @@ pub enum GroundTruth<'a> {
     /// Measurements at some pairs of directions, and of places where the material varies.
     Samples {
         /// The measurements.
-        pairs: Vec<Pair>,
+        pairs: &'a [Pair],
         /// Whether only the difference of the azimuths matters, and not its sign.
         is_isotropic: bool,
     },
@@ -51,18 +52,18 @@ impl GroundTruth<'_> {
 
     /// The measurements, or values of the function at `count` pairs that are drawn to crowd where lobes are. Over these texels, where the
     /// function is one of places, the others being the same everywhere.
-    pub fn pairs(&self, count: usize, seed: u64, grid: Option<SurfaceGrid>) -> Vec<Pair> {
+    pub fn pairs(&self, count: usize, seed: u64, grid: Option<SurfaceGrid>) -> Cow<'_, [Pair]> {
         let drawn = |draw: &(dyn Fn(&mut Random) -> Pair + Sync)| {
             let mut pairs = vec![Pair::default(); count];
             pairs.par_chunks_mut(DRAWN_TOGETHER).enumerate().for_each(|(chunk, pairs)| {
                 let mut random = Random::new(seed, chunk as u64);
                 pairs.iter_mut().for_each(|pair| *pair = draw(&mut random));
             });
-            pairs
+            Cow::Owned(pairs)
         };
         let grazing = if self.is_isotropic() { 0.0 } else { GRAZING };
         match self {
-            GroundTruth::Samples { pairs, .. } => pairs.clone(),
+            GroundTruth::Samples { pairs, .. } => Cow::Borrowed(pairs),
             GroundTruth::Function { eval, .. } => drawn(&|random| {
                 let (wo, wi) = draw_grazing(grazing, random);
                 Pair { wo: wo.as_vec3(), wi: wi.as_vec3(), value: eval(wo, wi).as_vec3(), ..Pair::default() }
@@ -131,18 +132,18 @@ impl Place {
 
 /// Pairs as a network learns them that sees directions about the frames of texels: without what these receive of the light. Those below their
 /// frames, where nothing is reflected whatever the network says, are left out.
-pub(super) fn about_frames(pairs: Vec<Pair>, grid: &SurfaceGrid, frames: &SurfaceFrames) -> Vec<Pair> {
+pub(super) fn about_frames<'a>(pairs: Cow<'a, [Pair]>, grid: &SurfaceGrid, frames: &SurfaceFrames) -> Cow<'a, [Pair]> {
     if frames.is_empty() {
         return pairs;
     }
-    let turned = |pair: Pair| {
+    let turned = |pair: &Pair| {
         let footprint = Footprint { uv: pair.uv.as_dvec2(), area: pair.area.into() };
         let ([wo, wi], received) = frames.look_up(grid, footprint)?.turned(pair.wo.as_dvec3(), pair.wi.as_dvec3())?;
         let is_above = wo.z > LOWEST && wi.z > LOWEST;
         let value = (pair.value.as_dvec3() / received).as_vec3();
-        is_above.then(|| Pair { wo: wo.as_vec3(), wi: wi.as_vec3(), value, ..pair })
+        is_above.then(|| Pair { wo: wo.as_vec3(), wi: wi.as_vec3(), value, ..*pair })
     };
-    pairs.into_par_iter().filter_map(turned).collect()
+    Cow::Owned(pairs.par_iter().filter_map(turned).collect())
 }
 
 /// As [`draw_grazing`], about another normal.

@@ -16,6 +16,10 @@ impl Random {
     pub const EPOCHS: u64 = 4 << 40;
     /// Pairs that materials are compared at; the next is that of groups that nothing but chance makes.
     pub const CLUSTERS: u64 = 5 << 40;
+    /// Which measurements are not learned.
+    pub const HELD_OUT: u64 = 7 << 40;
+    /// The order of measurements.
+    pub const ROUNDS: u64 = 6 << 40;
 }
 
 impl Random {

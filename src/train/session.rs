@@ -16,7 +16,7 @@ use super::prune::prune_neurons;
 use super::random::Random;
 use super::result::{TrainedPoints, layers, merged_table, nbrdf, sphere_tables, surface_table, whole_table};
 use super::table::{Quantiser, Table};
-use super::trainer::{Head, Inputs, Loss, Places, Pool, Rates, Trainer, Weighs};
+use super::trainer::{BLOCK, Head, Inputs, Loss, Places, Pool, Rates, Trainer, Weighs};
 use super::{Error, Evaluator};
 use crate::material::fit_lobe;
 use crate::scene::brdf::{
@@ -105,11 +105,19 @@ impl Session {
         check_pairs(&pairs)?;
         let pairs = about_frames(pairs, &texels.unwrap_or_default(), &frames);
         let is_isotropic = truth.is_isotropic();
-        let pairs_hash = pairs_hash(&pairs, is_isotropic);
         let encoding = encoding(&pairs).ok_or(Error::Empty)?;
-        // Shards take whole blocks: few samples are taken several times over.
-        let count = pairs.len().max(plan.batch).next_multiple_of(plan.batch);
-        let pairs: Vec<Pair> = pairs.iter().copied().cycle().take(count).collect();
+        let pairs = match truth {
+            GroundTruth::Samples { .. } => rounds(&pairs, plan.seed),
+            // Shards take whole blocks.
+            _ => {
+                let mut pairs = pairs.into_owned();
+                let drawn = pairs.len();
+                let count = drawn.max(plan.batch).next_multiple_of(plan.batch);
+                (drawn..count).for_each(|place| pairs.push(pairs[place - drawn]));
+                pairs
+            }
+        };
+        let pairs_hash = pairs_hash(&pairs, is_isotropic);
 
         let empty = |grid: SphereGrid| Hemisphere {
             grid,
@@ -192,6 +200,7 @@ impl Session {
             for loss in self.trainer.train(self.plan.batch, &rates) {
                 self.note_loss(loss);
             }
+            self.finish_in_time();
         }
         self.seconds += started.elapsed().as_secs_f64();
     }
@@ -207,6 +216,13 @@ impl Session {
     pub(super) fn prune_in_time(&mut self) {
         if self.trainer.step == self.step_at(PRUNE_AT) {
             self.prune();
+        }
+    }
+
+    /// Gives points the codes that they end with, if no step is left.
+    pub(super) fn finish_in_time(&mut self) {
+        if self.is_done() {
+            self.trainer.tables.iter_mut().for_each(Table::finish);
         }
     }
 
@@ -531,6 +547,18 @@ fn check_pairs(pairs: &[Pair]) -> Result<(), Error> {
     Ok(())
 }
 
+/// Measurements as they are gone through: in whole rounds, so that they count alike, each round in an order of its own. In a file neighbours are
+/// alike, and those of a block stay together in all batches.
+fn rounds(pairs: &[Pair], seed: u64) -> Vec<Pair> {
+    let all = pairs.len() * FEWEST_TOGETHER.div_ceil(pairs.len());
+    let mut random = Random::new(seed, Random::ROUNDS);
+    let order = std::iter::repeat_with(|| random.permutation(pairs.len())).flatten();
+    order.take(all.next_multiple_of(BLOCK)).map(|pair| pairs[pair as usize]).collect()
+}
+
+/// Measurements are taken several times over until they are so many: filling up the last block then makes less than a fiftieth of them count more.
+const FEWEST_TOGETHER: usize = 64 * BLOCK;
+
 /// Of all that a training sees of its pairs.
 fn pairs_hash(pairs: &[Pair], is_isotropic: bool) -> String {
     let mut hasher = blake3::Hasher::new();
@@ -557,4 +585,28 @@ fn target(pair: &Pair, encoding: Encoding, recipe: Recipe) -> [f32; 4] {
         Recipe::Paper => 1.0,
     };
     [r, g, b, weight]
+}
+
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeMap;
+
+    use super::*;
+
+    /// Of as many measurements as there are in a file, ones that stand side by side there are not learned side by side.
+    #[test]
+    fn all_measurements_count_alike_whatever_their_order() {
+        for count in [1, 100, 672, 3000, 20_001] {
+            let pairs: Vec<Pair> = (0..count).map(|i| Pair { area: i as f32, ..Pair::default() }).collect();
+            let rounds = rounds(&pairs, 3);
+            let mut times = BTreeMap::<u32, usize>::new();
+            rounds.iter().for_each(|pair| *times.entry(pair.area as u32).or_default() += 1);
+            let least = times.values().copied().min().unwrap_or(0);
+            let more: usize = times.values().map(|times| times - least).sum();
+            assert_eq!((times.len(), rounds.len() % BLOCK), (count, 0));
+            assert!(50 * more < rounds.len(), "{count}: {more} of {} count more", rounds.len());
+            let beside = rounds.windows(2).filter(|pair| pair[1].area == pair[0].area + 1.0).count();
+            assert!(count < 100 || 20 * beside < rounds.len(), "{count}: {beside} beside their neighbours");
+        }
+    }
 }

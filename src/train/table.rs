@@ -230,13 +230,26 @@ impl Table {
         self.adam.step(0, &mut self.codes, to_codes, at.rate, at.step);
     }
 
-    /// Gives points the features of their codes after these moved, and every few steps the codes that are now the nearest.
+    /// Gives points the features of their codes after these moved, and every few steps some points the codes that are now the nearest.
     pub fn settle(&mut self, at: TableStep) {
-        let is_nearest = matches!(self.quantiser, Quantiser::Nearest { .. });
-        if self.quantiser == Quantiser::Free || is_nearest && at.step.is_multiple_of(ASSIGN_INTERVAL) {
+        match &self.quantiser {
+            Quantiser::Free => return self.assign(),
+            Quantiser::Nearest { free, .. } if at.step.is_multiple_of(ASSIGN_INTERVAL) => {
+                let turn = (at.step / ASSIGN_INTERVAL) as usize % self.indices.len().div_ceil(ASSIGNED_TOGETHER);
+                let start = turn * ASSIGNED_TOGETHER;
+                let end = self.indices.len().min(start + ASSIGNED_TOGETHER);
+                let free = &free[start * self.features..end * self.features];
+                self.indices[start..end].copy_from_slice(&nearest(&self.codes, self.features, free));
+            }
+            Quantiser::Nearest { .. } | Quantiser::Softmax { .. } => {}
+        }
+        self.look_up();
+    }
+
+    /// After the last step: gives all points the codes that are now the nearest, where [`Table::settle`] has them wait for their turn.
+    pub fn finish(&mut self) {
+        if self.nearest_codes().is_some() && self.indices.len() > ASSIGNED_TOGETHER {
             self.assign();
-        } else {
-            self.look_up();
         }
     }
 }
@@ -273,6 +286,9 @@ const K_MEANS_ROUNDS: usize = 20;
 
 /// Steps between two searches for the nearest codes.
 const ASSIGN_INTERVAL: u32 = 10;
+
+/// Points that one is made for. The texels of a large texture take turns: all at once would take many times as long as the steps between.
+const ASSIGNED_TOGETHER: usize = 1 << 13;
 
 fn small(count: usize, random: &mut Random) -> Vec<f32> {
     (0..count).map(|_| 0.5 * (2.0 * random.next_f32() - 1.0)).collect()
@@ -412,6 +428,27 @@ mod tests {
                 .nth(code)
                 .is_some_and(|code| code == &table.rows[5 * features..][..features])
         );
+    }
+
+    /// In a few turns, or at the end, all points of a large table find the codes that have become the nearest.
+    #[test]
+    fn points_take_turns_until_all_have_their_nearest_codes() {
+        let mut random = Random::new(7, 0);
+        let points = 2 * ASSIGNED_TOGETHER + 5;
+        let mut table = Table::free(points, 2, &mut random);
+        table.quantise(4, &vec![true; points], &mut random);
+        table.codes.iter_mut().for_each(|x| *x = -*x);
+        let mut nearest = table.clone();
+        nearest.assign();
+        let mut finished = table.clone();
+        finished.finish();
+        let settle = |table: &mut Table, steps: std::ops::RangeInclusive<u32>| {
+            steps.for_each(|step| table.settle(TableStep { step, rate: 0.0, temperature: 1.0 }));
+        };
+        settle(&mut table, 1..=2 * ASSIGN_INTERVAL);
+        assert!(table != nearest && finished == nearest);
+        settle(&mut table, 2 * ASSIGN_INTERVAL + 1..=3 * ASSIGN_INTERVAL);
+        assert!(table == nearest);
     }
 
     #[test]

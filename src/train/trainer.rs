@@ -131,7 +131,7 @@ const FARTHEST: f32 = 1.0;
 const SHARD: usize = DIRECTIONS;
 
 /// Pairs that stay together when the pool is shuffled, for the caches' sake.
-const BLOCK: usize = 64;
+pub(super) const BLOCK: usize = 64;
 
 /// A model while it is trained.
 pub struct Trainer {

@@ -72,19 +72,30 @@ const TOGETHER: usize = 64;
 
 /// The place of the largest number; the first of equals.
 pub fn highest(values: &[f32]) -> usize {
-    let mut best = 0;
-    for (index, value) in values.iter().enumerate() {
-        if *value > values[best] {
-            best = index;
-        }
-    }
-    best
+    let larger = |a: f32, b: f32| if a > b { a } else { b };
+    let (blocks, rest) = values.as_chunks::<16>();
+    // On all lanes first.
+    let lanes =
+        blocks.iter().fold([f32::NEG_INFINITY; 16], |most, block| from_fn(|lane| larger(block[lane], most[lane])));
+    let most = lanes.iter().chain(rest).copied().fold(f32::NEG_INFINITY, larger);
+    values.iter().position(|value| *value == most).unwrap_or(0)
 }
 
 #[cfg(test)]
 mod tests {
     use super::super::random::Random;
     use super::*;
+
+    #[test]
+    fn the_highest_is_the_first_of_equals() {
+        let mut random = Random::new(10, 0);
+        for count in [1, 15, 16, 40, 129] {
+            let values: Vec<f32> = (0..count).map(|_| random.below(9) as f32 - 20.0).collect();
+            let place = highest(&values);
+            assert!(values[..place].iter().all(|value| *value < values[place]));
+            assert!(values[place..].iter().all(|value| *value <= values[place]));
+        }
+    }
 
     #[test]
     fn the_nearest_row_is_that_of_least_distance() {

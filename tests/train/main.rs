@@ -12,7 +12,7 @@ use neubrdf::material::{Bsdf, Evaluate, Prepared};
 use neubrdf::scene::brdf::{Brdf, NeuBrdf, Precision, SurfaceFrame};
 use neubrdf::scene::{Color, Fresnel, Surface};
 use neubrdf::train::check::check;
-use neubrdf::train::measure::{FitErrors, compare, directional_albedo};
+use neubrdf::train::measure::{FitErrors, Query, compare, directional_albedo, sample_errors};
 use neubrdf::train::{Evaluator, GroundTruth, Model, Pair, Plan, Quality, Recipe, Session};
 
 /// A rough metal over a matte base, isotropic.
@@ -181,7 +181,7 @@ fn a_checkpoint_of_something_else_is_an_error() {
     let pair = Pair { wo: glam::Vec3::Z, wi: glam::Vec3::Z, value: glam::Vec3::ONE, ..Pair::default() };
     let [turned, moved] = [Pair { wo: glam::Vec3::new(0.6, 0.0, 0.8), ..pair }, Pair { uv: glam::Vec2::X, ..pair }];
     let session = |pair| {
-        let truth = GroundTruth::Samples { pairs: vec![pair], is_isotropic: true };
+        let truth = GroundTruth::Samples { pairs: &[pair], is_isotropic: true };
         Session::new(small(Recipe::Default), &truth).unwrap()
     };
     let samples = directory.path().join("samples");
@@ -257,7 +257,7 @@ fn few_samples_are_enough_for_a_simple_material() {
         })
         .collect();
     let plan = Plan { steps: 600, ..small(Recipe::Default).for_samples(pairs.len()) };
-    let mut session = Session::new(plan, &GroundTruth::Samples { pairs, is_isotropic: true }).unwrap();
+    let mut session = Session::new(plan, &GroundTruth::Samples { pairs: &pairs, is_isotropic: true }).unwrap();
     let evaluator = Evaluator::neubrdf(&NeuBrdf::decode(&finish(&mut session)).unwrap());
     let eval = |pairs: &[[DVec3; 2]]| evaluator.eval(pairs);
     let albedo = directional_albedo(DVec3::new(0.6, 0.0, 0.8), 2048, &eval);
@@ -281,7 +281,7 @@ fn what_no_sample_looked_at_sends_no_more_light_than_it_gets() {
     let brightest = |energy: Option<f32>| {
         let plan = Plan { steps: 1500, ..small(Recipe::Default).for_samples(pairs.len()) };
         let plan = Plan { energy: energy.unwrap_or(plan.energy), sees_half_vector: false, ..plan };
-        let truth = GroundTruth::Samples { pairs: pairs.clone(), is_isotropic: true };
+        let truth = GroundTruth::Samples { pairs: &pairs, is_isotropic: true };
         let brdf = NeuBrdf::decode(&finish(&mut Session::new(plan, &truth).unwrap())).unwrap();
         let evaluator = Evaluator::neubrdf(&brdf);
         let albedo = |theta| directional_albedo(direction(theta, 0.0), 2048, &|pairs| evaluator.eval(pairs));
@@ -321,6 +321,28 @@ fn a_trained_nbrdf_is_read_back_as_what_was_trained() {
         let (read, trained) = (brdf.eval(wo, wi), session.evaluator().eval(&[[wo, wi]])[0]);
         assert!((read - trained).abs().max_element() < 1e-4 * (1.0 + trained.max_element()), "{read} {trained}");
     }
+}
+
+/// Measurements are what a fit to them is away from, and nothing else.
+#[test]
+fn residuals_are_those_at_measurements() {
+    let at = |i: usize| DVec3::new(0.01 * i as f64, 0.3, 0.8).normalize();
+    let value = |wo: DVec3, wi: DVec3| DVec3::splat(1.0 + wo.x * wi.z);
+    let pair = |(wo, wi): (DVec3, DVec3)| Pair {
+        wo: wo.as_vec3(),
+        wi: wi.as_vec3(),
+        value: value(wo, wi).as_vec3(),
+        ..Pair::default()
+    };
+    let samples: Vec<Pair> = (0..60).map(|i| pair((at(i), at(70 - i)))).collect();
+    let errors = |factor: f64| {
+        let fit = |queries: &[Query]| -> Vec<DVec3> {
+            queries.iter().map(|query| factor * (value(query.wo, query.wi) + 1.0) - 1.0).collect()
+        };
+        sample_errors(samples.iter(), &fit)
+    };
+    assert!(errors(1.0).log < 1e-6 && errors(1.0).relative_rmse < 1e-6);
+    assert!((errors(1.1).log - 1.1f64.ln()).abs() < 1e-6);
 }
 
 /// What is off by next to nothing is not off by many times what is there.
@@ -382,17 +404,17 @@ fn what_cannot_be_trained_is_an_error() {
         let eval = |wo: DVec3, _: DVec3| DVec3::new(0.1, if wo.z < 0.5 { value.into() } else { 0.1 }, 0.1);
         let pairs =
             vec![Pair { wo: glam::Vec3::Z, wi: glam::Vec3::Z, value: glam::Vec3::splat(value), ..Pair::default() }];
-        for truth in [isotropic(&eval), GroundTruth::Samples { pairs, is_isotropic: true }] {
+        for truth in [isotropic(&eval), GroundTruth::Samples { pairs: &pairs, is_isotropic: true }] {
             let error = Session::new(small(Recipe::Default), &truth).map(|_| ()).unwrap_err().to_string();
             assert!(error.contains("ωo [") && error.contains(&value.to_string()), "{error}");
         }
     }
     for wo in [glam::Vec3::NEG_Z, glam::Vec3::ZERO, glam::Vec3::NAN] {
         let pairs = vec![Pair { wo, wi: glam::Vec3::Z, value: glam::Vec3::ONE, ..Pair::default() }];
-        let truth = GroundTruth::Samples { pairs, is_isotropic: true };
+        let truth = GroundTruth::Samples { pairs: &pairs, is_isotropic: true };
         let error = Session::new(small(Recipe::Default), &truth).map(|_| ()).unwrap_err().to_string();
         assert!(error.contains(&format!("ωo {wo}")), "{error}");
     }
-    let nothing = GroundTruth::Samples { pairs: Vec::new(), is_isotropic: true };
+    let nothing = GroundTruth::Samples { pairs: &[], is_isotropic: true };
     assert!(Session::new(small(Recipe::Default), &nothing).is_err());
 }

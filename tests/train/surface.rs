@@ -268,7 +268,7 @@ impl Stream {
 
 fn learned(pairs: Vec<Pair>, is_isotropic: bool, side: u32) -> Evaluator {
     let plan = Plan { n_side: [8; 2], steps: 1500, ..small(Recipe::Default) }.over([side; 2]);
-    let mut session = Session::new(plan, &GroundTruth::Samples { pairs, is_isotropic }).unwrap();
+    let mut session = Session::new(plan, &GroundTruth::Samples { pairs: &pairs, is_isotropic }).unwrap();
     Evaluator::neubrdf(&NeuBrdf::decode(&finish(&mut session)).unwrap())
 }
 

@@ -137,16 +137,19 @@ impl GroundTruth {
     }
 
     /// What the uncertainty of the reference's noise, and its product with the method's own difference, add to the standard
-    /// error of a mean squared difference with these weights: √Σ w²(4 d² v + 2 v²) / N, for independent normal pixels. `difference` is
-    /// the method's mean picture less this one.
+    /// error of a mean squared difference with these weights: √Σ (Σ w √(4 d² v + 2 v²))² / N, the outer sum over pixels, which are independent
+    /// and normal, the inner over the channels of one. These see the same paths: how far they go together is not known, and nothing is more than
+    /// all the way. `difference` is the method's mean picture less this one.
     pub fn uncertainty(&self, weights: &[f64], difference: &[f64]) -> f64 {
         let Some(variance) = self.picture.rgb(plane::VARIANCE) else { return 0.0 };
-        let terms =
-            variance.as_flattened().iter().zip(weights).zip(difference).map(|((variance, weight), difference)| {
-                let variance = f64::from(*variance);
-                weight * weight * variance * (4.0 * difference * difference + 2.0 * variance)
-            });
-        terms.sum::<f64>().sqrt() / weights.len() as f64
+        let channels = variance.as_flattened().iter().zip(weights).zip(difference);
+        let deviations = channels.map(|((variance, weight), difference)| {
+            let variance = f64::from(*variance);
+            weight * (variance * (4.0 * difference * difference + 2.0 * variance)).sqrt()
+        });
+        let deviations: Vec<f64> = deviations.collect();
+        let pixels = deviations.chunks(3).map(|pixel| pixel.iter().sum::<f64>().powi(2));
+        pixels.sum::<f64>().sqrt() / weights.len() as f64
     }
 }
 
@@ -157,4 +160,25 @@ const SEED: u64 = 0x7275_7468;
 /// The last word is a hash of the code that makes the picture (`build.rs`): after a change of it the picture is made anew.
 fn cache_file(scene: &Scene, max_depth: u32, spp: u32, cache: &Path) -> PathBuf {
     cache.join(format!("embree-{}-{max_depth}-{spp}-{}.exr", scene.hash(), env!("NEUBRDF_REFERENCE")))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Grey noise on a grey picture tells as much as any one of its channels, and less than three that are independent.
+    #[test]
+    fn channels_that_move_together_count_once() {
+        let (variance, difference) = (0.3f32, 0.7);
+        let of = |pixels: usize| {
+            let mut picture = Picture::new(pixels as u32, 1);
+            picture.set_rgb(plane::BEAUTY, &vec![[1.0; 3]; pixels]);
+            picture.set_rgb(plane::VARIANCE, &vec![[variance; 3]; pixels]);
+            let truth = GroundTruth::new(picture, String::new(), 1).unwrap();
+            truth.uncertainty(&vec![1.0; 3 * pixels], &vec![difference; 3 * pixels])
+        };
+        let variance = f64::from(variance);
+        let one = (variance * (4.0 * difference * difference + 2.0 * variance)).sqrt();
+        assert!((of(1) - one).abs() < 1e-12 && (of(4) - one / 2.0).abs() < 1e-12);
+    }
 }

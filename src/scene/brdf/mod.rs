@@ -142,7 +142,7 @@ pub(super) fn is_of_brdf(path: &Path) -> bool {
 }
 
 /// What a file's name ends in, in lower case.
-pub(super) fn ending(path: &Path) -> String {
+pub fn ending(path: &Path) -> String {
     path.extension().map(|ending| ending.to_string_lossy().to_lowercase()).unwrap_or_default()
 }
 
