@@ -572,6 +572,10 @@ fn materials_are_grouped_and_trained_together() {
     }
     assert!(fail(&["material", text(&pack), "--check"]).contains("one of the 2 materials"));
     assert!(fail(&["material", text(&pack), "--name", "rod"]).contains("`red`"));
+    // So are those of a scene.
+    let scene = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/neural/scene.toml");
+    let facts: serde_json::Value = serde_json::from_str(&succeed(&["material", text(&scene), "--json"])).unwrap();
+    assert!(facts["count"].as_u64() > Some(10) && facts["names"].to_string().contains("gold_satin"), "{facts}");
 
     // Interrupted before the second group began.
     let state = at("state");

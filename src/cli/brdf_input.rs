@@ -129,6 +129,17 @@ impl BrdfInput {
     }
 }
 
+/// The names of the materials that a file holds, where it holds several.
+pub fn names(path: &Path) -> Result<Vec<String>> {
+    if ending(path) == "toml"
+        && Surface::load(path, None).is_err()
+        && let Ok((scene, _)) = Scene::load(path)
+    {
+        return Ok(scene.materials.into_iter().map(|material| material.name).collect());
+    }
+    Ok(Brdf::names(path)?)
+}
+
 fn grid([width, height]: [u32; 2]) -> Result<SurfaceGrid> {
     SurfaceGrid::new(width, height).with_context(|| format!("{width}x{height} texels: expected 1 to 1024 to a side"))
 }

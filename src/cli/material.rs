@@ -6,15 +6,16 @@ use std::process::ExitCode;
 use anyhow::Result;
 use glam::DVec3;
 use neubrdf::image::write_file;
-use neubrdf::scene::brdf::{Brdf, Footprint, NeuBrdf, NeuBrdfPack, SurfaceFrame};
+use neubrdf::scene::brdf::{Footprint, NeuBrdf, NeuBrdfPack, SurfaceFrame};
 use neubrdf::train::check::{Check, check};
 use neubrdf::train::measure::{self, Query};
 use neubrdf::train::{Evaluator, Judged, plot};
 use rayon::prelude::*;
 
-use super::brdf_input::{BrdfInput, Drawing};
+use super::brdf_input::{BrdfInput, Drawing, names};
 use super::job::{check_ending, check_outputs, threshold};
 use super::judge::judge;
+use super::progress;
 
 /// Say what a BRDF is. Exit status 3 if --check finds it wrong.
 #[derive(clap::Args)]
@@ -71,7 +72,7 @@ pub fn run(arguments: Arguments) -> Result<ExitCode> {
         return Ok(ExitCode::SUCCESS);
     }
     let may_be_many = pack.is_none() && !asks_for_one;
-    let names = if may_be_many { Brdf::names(&arguments.input)? } else { Vec::new() };
+    let names = if may_be_many { names(&arguments.input)? } else { Vec::new() };
     if names.len() > 1 {
         print(&arguments, &serde_json::json!({"count": names.len(), "names": names}))?;
         return Ok(ExitCode::SUCCESS);
@@ -95,11 +96,16 @@ pub fn run(arguments: Arguments) -> Result<ExitCode> {
     }
     let checked = arguments.check.then(|| {
         let places = if input.brdf.is_spatial() { CHECKED_PLACES } else { 0 };
+        let bar = progress::bar(1 + places as u64, false).with_message("checking");
         let check_at = |footprint: Footprint| {
             let frame = input.brdf.frame(footprint).unwrap_or(SurfaceFrame::OWN);
-            check(is_isotropic, frame, &|pairs| eval(footprint, pairs))
+            let check = check(is_isotropic, frame, &|pairs| eval(footprint, pairs));
+            bar.inc(1);
+            check
         };
-        (0..places).map(measure::place).map(check_at).fold(check_at(Footprint::WHOLE), Check::merge)
+        let check = (0..places).map(measure::place).map(check_at).fold(check_at(Footprint::WHOLE), Check::merge);
+        bar.finish_and_clear();
+        check
     });
     if let Some(path) = &arguments.against {
         let truth = BrdfInput::load(path, arguments.against_name.as_deref(), DRAWING)?;

@@ -120,7 +120,9 @@ impl Group {
 
     /// Ends soon: [`Session::wind_down`].
     pub fn wind_down(&mut self) {
-        self.quantise();
+        if !self.members[0].ends_soon() {
+            self.quantise();
+        }
         self.members.iter_mut().for_each(Session::wind_down);
     }
 

@@ -306,14 +306,23 @@ impl Session {
     }
 
     /// Ends soon: points are given codes and neurons pruned where that is still to come, and the rates fall to 0 within a twentieth of the
-    /// planned steps, so that an interrupted training ends as one that was planned shorter.
+    /// planned steps, so that an interrupted training ends as one that was planned shorter. One that has no more to do ends as planned.
     pub fn wind_down(&mut self) {
-        let start = self.trainer.step;
-        if self.end.is_none() {
+        if self.end.is_none() && !self.ends_soon() {
+            let start = self.trainer.step;
             self.quantise();
             self.prune();
-            self.end = Some([start, self.plan.steps.min(start + self.plan.steps.div_ceil(20))]);
+            self.end = Some([start, start + self.wind_down_steps()]);
         }
+    }
+
+    fn wind_down_steps(&self) -> u32 {
+        self.plan.steps.div_ceil(20)
+    }
+
+    /// Whether no more steps are left than winding down takes.
+    pub(super) fn ends_soon(&self) -> bool {
+        self.trainer.step + self.wind_down_steps() >= self.plan.steps
     }
 
     /// Gives the model the sizes that it has somewhere on the way; `None` if it never has.

@@ -209,6 +209,18 @@ fn winding_down_ends_soon_and_with_less_error() {
     assert!(session.loss() < before, "{} after {before}", session.loss());
 }
 
+/// An interrupt that comes that late changes nothing: the file that says so many steps is the one of so many steps.
+#[test]
+fn winding_down_what_is_almost_done_changes_nothing() {
+    for plan in small_plans() {
+        let whole = finish(&mut Session::new(plan.clone(), &isotropic(&satin)).unwrap());
+        let mut session = Session::new(plan.clone(), &isotropic(&satin)).unwrap();
+        session.run(plan.steps - 1);
+        session.wind_down();
+        assert!(finish(&mut session) == whole, "{:?}", plan.recipe);
+    }
+}
+
 /// Before neurons are pruned, and after, when the rates have fallen but little.
 #[test]
 fn winding_down_the_papers_recipe_prunes_and_ends_with_small_steps() {
