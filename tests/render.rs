@@ -520,6 +520,40 @@ fn a_sky_leaves_the_lamps_their_strata() {
     driver.finish();
 }
 
+/// Of 2²³ texels a number of 32 bits leaves 9 to ask one whether it stays: of a sky whose texels are hardly above the mean, as their keeping is, that would
+/// be seen.
+#[test]
+fn a_sky_of_very_many_texels_is_as_bright_as_another() {
+    let Some(driver) = driver(LAVAPIPE) else { return };
+    let height = 2048;
+    let angle = |row: u32| (f64::from(row) + 0.5) / f64::from(height) * std::f64::consts::PI;
+    // 1 in wide bands, and so much in a narrow one that the mean is just below.
+    let sums = (0..height).map(angle).fold([0.0; 3], |[all, wide, narrow], theta| {
+        let within = |low: f64, high: f64| if (low..high).contains(&theta) { theta.sin() } else { 0.0 };
+        [all + theta.sin(), wide + within(0.5, 1.4), narrow + within(0.2, 0.25)]
+    });
+    let bright = (0.9999 * sums[0] - sums[1]) / sums[2];
+    let radiance = |row: u32| match angle(row) {
+        theta if (0.5..1.4).contains(&theta) => 1.0,
+        theta if (0.2..0.25).contains(&theta) => bright as f32,
+        _ => 0.0,
+    };
+    let floor = || vec![floor(1.0, 0)];
+    let grey = || vec![material("floor", diffuse(0.5))];
+    let mean_under = |width: u32| {
+        let mut scene = scene(floor(), grey(), Vec3::new(0.0, 1.0, 0.5), Vec3::ZERO, [32, 32]);
+        let texels = (0..height).flat_map(|row| std::iter::repeat_n(Vec3::splat(radiance(row)), width as usize));
+        scene.environment = Some(Environment { width, height, texels: texels.collect(), rotation_degrees: 0.0 });
+        let settings = Settings { sampler: Sampler::Pcg, max_depth: 2, features: false, ..settings() };
+        mean(&render(&driver.device, &scene, &settings, &bvh(), 4096))
+    };
+    let (power_of_two, other) = (mean_under(4096), mean_under(4094));
+    let difference = power_of_two / other - 1.0;
+    println!("{power_of_two} and {other}: {difference:e}");
+    assert!(difference.abs() < 1e-4, "{difference:e}");
+    driver.finish();
+}
+
 /// The estimate of the error falls as the error does, and `--error` ends a render.
 #[test]
 fn the_error_limit_ends_a_render() {
